@@ -1,0 +1,1 @@
+//! What a decoder can say about bytes it will not play.

@@ -1,0 +1,10 @@
+//! From motion capture to compressed clips: import, kinematics, error metrics, encoders.
+//!
+//! Floating point chooses here, but never reconstructs: every encoder decodes with `decoder-core`.
+#![forbid(unsafe_code)]
+
+pub mod motion;
+pub mod skeleton;
+
+pub use motion::Motion;
+pub use skeleton::Skeleton;

@@ -1,0 +1,5 @@
+//! Plays decoded motion on servos: player, joint map, limits and servo buses.
+//!
+//! `no_std`, no allocation; everything that decides is plain code that is tested on the host.
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]

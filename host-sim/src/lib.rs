@@ -1,0 +1,1 @@
+//! The parts of the command `bunraku` that tests and boards use as a library.

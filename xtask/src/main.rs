@@ -1,0 +1,2 @@
+//! `cargo xtask`: the development commands of the workspace.
+fn main() {}
