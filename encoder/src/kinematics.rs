@@ -144,23 +144,21 @@ impl Kinematics {
 }
 
 /// How much each channel moves the joints: the sum over joints of the squared displacement in cm², per
-/// squared degree of a rotation or squared centimetre of a translation, averaged over every `stride`-th frame.
+/// squared degree of a rotation or squared centimetre of a translation, averaged over frames.
 ///
 /// From the Jacobian: a joint at lever arm r from a rotation axis a moves by a × r for a radian. An error of
 /// `e` degrees in channel `c` alone moves the joints by about `e² · sensitivity[c]` cm² in all. Costs about
-/// as much as forward kinematics of the frames it looks at.
+/// as much as forward kinematics of the motion.
 ///
 /// # Panics
-/// If the motion has no frame or another number of channels than the skeleton, or `stride` is 0.
-pub fn sensitivity(skeleton: &Skeleton, motion: &Motion, stride: usize) -> Vec<f64> {
+/// If the motion has no frame or another number of channels than the skeleton.
+pub fn sensitivity(skeleton: &Skeleton, motion: &Motion) -> Vec<f64> {
     assert!(motion.frames() > 0, "a motion without frames");
     let mut kinematics = Kinematics::new(skeleton);
     let mut positions = vec![[0.0; 3]; kinematics.joints()];
     let mut levers = vec![([0.0; 3], [0.0; 3]); skeleton.channels.len()];
     let mut total = vec![0.0; skeleton.channels.len()];
-    let mut frames = 0.0;
-    for pose in motion.iter().step_by(stride) {
-        frames += 1.0;
+    for pose in motion.iter() {
         kinematics.walk(pose, &mut positions, |channel, origin, axis| levers[channel] = (origin, axis));
         // About the root's position, so that a place far from the world's origin costs no precision.
         let centre = positions[0];
@@ -181,7 +179,7 @@ pub fn sensitivity(skeleton: &Skeleton, motion: &Motion, stride: usize) -> Vec<f
             };
         }
     }
-    total.iter().map(|total| total / frames).collect()
+    total.iter().map(|total| total / motion.frames() as f64).collect()
 }
 
 /// Number, sum and sum of products of points.
