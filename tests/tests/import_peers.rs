@@ -85,9 +85,8 @@ fn amc_files_come_back_digit_by_digit() {
         let body = |line: &&str| !line.starts_with(['#', ':']);
         let (mut ours, mut theirs) = (ours.lines().filter(body), theirs.lines().filter(body));
         let mut bones = 0;
-        loop {
-            // Within a frame the file's own order of bones counts.
-            let (Some(number), Some(ours_number)) = (theirs.next(), ours.next()) else { break };
+        // Within a frame the order of the bones is the file's own.
+        while let (Some(number), Some(ours_number)) = (theirs.next(), ours.next()) {
             assert_eq!(number.trim(), ours_number.trim());
             let sorted = |lines: &mut dyn Iterator<Item = &str>| {
                 let mut block: Vec<Vec<String>> =
