@@ -15,6 +15,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Servos(commands::servos::Args),
 }
 
 /// Exit code of a check that failed, as against 2 for a usage error.
@@ -32,5 +33,6 @@ fn main() -> ExitCode {
 
 fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     match cli.command {
+        Command::Servos(args) => commands::servos::run(args),
     }
 }
