@@ -1,1 +1,129 @@
-//! What a decoder can say about bytes it will not play.
+//! What a decoder says about bytes that it will not play.
+
+use core::fmt;
+
+/// What the caller is ready to hold. A count from a file is checked once against it, where it is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Most channels in a frame.
+    pub channels: u16,
+    /// Most frames in a clip.
+    pub frames: u32,
+}
+
+impl Limits {
+    /// What the formats can express.
+    pub const MAX: Self = Self { channels: u16::MAX, frames: u32::MAX };
+}
+
+/// A field of a file, as an error names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Field {
+    /// Number of frames in a segment (QMD `n_d`), or in the clip.
+    Frames,
+    /// Number of channels in a frame (QMD `m`).
+    Channels,
+    /// Frames per second, in hundredths.
+    Rate,
+    /// Number of leading channels that hold floats (QMD `FDF`).
+    FixedChannels,
+    /// Bits of an index (QMD `b`).
+    IndexBits,
+    /// Hierarchy level of a channel.
+    Level,
+    /// The initial pose.
+    Pose,
+    /// The look-up table of a segment.
+    Table,
+    /// The rows of a segment.
+    Rows,
+}
+
+impl Field {
+    /// The field's name in a sentence.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Frames => "number of frames",
+            Self::Channels => "number of channels",
+            Self::Rate => "frame rate",
+            Self::FixedChannels => "number of fixed channels (FDF)",
+            Self::IndexBits => "index bits (b)",
+            Self::Level => "hierarchy level",
+            Self::Pose => "initial pose",
+            Self::Table => "look-up table",
+            Self::Rows => "rows of differences",
+        }
+    }
+}
+
+/// Why bytes are not a clip that can be played here. Offsets are bytes from the start of the clip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Error {
+    /// The bytes end inside a field.
+    Truncated {
+        /// The field that does not fit.
+        field: Field,
+        /// Where it starts.
+        at: usize,
+        /// Bytes that it takes.
+        needed: usize,
+        /// Bytes that are there.
+        found: usize,
+    },
+    /// A field has a value that no encoder writes.
+    Malformed {
+        /// The field.
+        field: Field,
+        /// Where it is.
+        at: usize,
+        /// Its value.
+        found: u32,
+        /// The lowest value that is allowed.
+        low: u32,
+        /// The highest value that is allowed.
+        high: u32,
+    },
+    /// The clip is sound but larger than the caller's [`Limits`].
+    Limit {
+        /// The field.
+        field: Field,
+        /// Its value.
+        found: u32,
+        /// The caller's limit.
+        limit: u32,
+    },
+    /// Memory that the caller lends is too small.
+    OutputTooSmall {
+        /// What it is to hold.
+        field: Field,
+        /// Elements that are needed.
+        needed: usize,
+        /// Elements that were lent.
+        lent: usize,
+    },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Truncated { field, at, needed, found } => {
+                write!(f, "byte {at}: {} should take {needed} bytes, but only {found} are left", field.name())
+            }
+            Self::Malformed { field, at, found, low, high } => {
+                write!(f, "byte {at}: {} is {found}, expected {low} to {high}", field.name())
+            }
+            Self::Limit { field, found, limit } => {
+                write!(f, "{} is {found}, more than the limit of {limit}", field.name())
+            }
+            Self::OutputTooSmall { field, needed, lent } => {
+                write!(f, "memory lent for the {} holds {lent} elements, {needed} are needed", field.name())
+            }
+        }
+    }
+}
+
+impl core::error::Error for Error {}

@@ -1,4 +1,11 @@
 //! Integer-only, allocation-free, panic-free decoders for recorded human motion.
+//!
+//! Bytes in, the caller's slices out. The same code runs on Cortex-M, x86 and wasm, and gives the same bits:
+//! what a decoder computes is defined in integers in docs/FORMAT.md.
+//!
+//! A channel value is an [`I16F16`], in degrees for rotations and centimetres for translations.
+//!
+//! The promise: any bytes give `Ok` or `Err`. Never a panic, an endless loop, or a write past the output.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 #![cfg_attr(
@@ -14,7 +21,8 @@
 )]
 
 mod error;
+pub mod float;
 pub mod qmd;
 
-
+pub use error::{Error, Field, Limits};
 pub use fixed::types::I16F16;

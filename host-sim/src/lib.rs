@@ -1,3 +1,5 @@
 //! The parts of the command `bunraku` that tests and boards use as a library.
+#![forbid(unsafe_code)]
 
+pub mod files;
 pub mod servos;

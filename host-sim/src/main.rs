@@ -15,6 +15,12 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Encode(commands::encode::Args),
+    Decode(commands::decode::Args),
+    Info(commands::info::Args),
+    Compare(commands::compare::Args),
+    Optimize(commands::optimize::Args),
+    Table1(commands::table1::Args),
     Servos(commands::servos::Args),
 }
 
@@ -22,6 +28,8 @@ enum Command {
 const FAILED: u8 = 1;
 
 fn main() -> ExitCode {
+    // A reader that has seen enough, such as `head`, ends the command quietly.
+    sigpipe::reset();
     match run(Cli::parse()) {
         Ok(code) => code,
         Err(error) => {
@@ -33,6 +41,12 @@ fn main() -> ExitCode {
 
 fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     match cli.command {
+        Command::Encode(args) => commands::encode::run(args),
+        Command::Decode(args) => commands::decode::run(args),
+        Command::Info(args) => commands::info::run(args),
+        Command::Compare(args) => commands::compare::run(args),
+        Command::Optimize(args) => commands::optimize::run(args),
+        Command::Table1(args) => commands::table1::run(args),
         Command::Servos(args) => commands::servos::run(args),
     }
 }

@@ -1,10 +1,9 @@
 //! Clients that we did not write drive the virtual servos of `bunraku servos`.
 //!
-//! Needs the command (`BUNRAKU_BIN`, else `bunraku` beside this test's folder) and a Python with
-//! `tests/peers/requirements.txt` installed (`BUNRAKU_PEERS_PYTHON`).
+//! Needs the command `bunraku` and, for the clients, a Python with the packages of `tests/peers/requirements.txt`.
 
-use std::io::{BufRead, BufReader, Write};
-use std::path::{Path, PathBuf};
+use bunraku_tests::{bunraku, python, workspace};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, Command, Stdio};
 
 /// `bunraku servos`, stopped when dropped.
@@ -15,19 +14,19 @@ struct Servos {
 }
 
 impl Servos {
-    fn start(bunraku: &Path, listen: &str) -> Self {
+    fn start(listen: &str) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let puppet = folder.path().join("puppet.toml");
         let text = "name = \"peers\"\n[[joint]]\nid = 1\n[[joint]]\nid = 2\n[[joint]]\nid = 3\nmin_goal = 1000\n\
             max_goal = 3000\n[[joint]]\nid = 20\n";
         std::fs::write(&puppet, text).expect("write the puppet");
-        let mut process = Command::new(bunraku)
+        let mut process = bunraku()
             .args(["servos", "--config"])
             .arg(&puppet)
             .args(["--listen", listen])
             .stdout(Stdio::piped())
             .spawn()
-            .unwrap_or_else(|error| panic!("cannot run {}: {error}", bunraku.display()));
+            .expect("run bunraku servos");
         let mut port = String::new();
         let stdout = process.stdout.take().expect("piped above");
         BufReader::new(stdout).read_line(&mut port).expect("the port on stdout");
@@ -41,33 +40,10 @@ impl Drop for Servos {
     }
 }
 
-/// `bunraku`, which `cargo` builds into the folder above this test's own.
-fn bunraku() -> Option<PathBuf> {
-    if let Some(path) = std::env::var_os("BUNRAKU_BIN") {
-        return Some(path.into());
-    }
-    let name = format!("bunraku{}", std::env::consts::EXE_SUFFIX);
-    let test = std::env::current_exe().expect("the path of this test");
-    let path = test.parent()?.parent()?.join(name);
-    path.exists().then_some(path)
-}
-
-/// Skips loudly; in CI and under `BUNRAKU_NO_SKIP` that is a failure.
-fn skip(reason: &str) {
-    let must_run = ["CI", "BUNRAKU_NO_SKIP"].iter().any(|name| std::env::var_os(name).is_some());
-    assert!(!must_run, "skipped where nothing may be skipped: {reason}");
-    eprintln!("SKIPPED: {reason}");
-}
-
 fn peer(script: &str) {
-    let Some(bunraku) = bunraku() else {
-        return skip("no bunraku: run `cargo build -p host-sim` or set BUNRAKU_BIN");
-    };
-    let Some(python) = std::env::var_os("BUNRAKU_PEERS_PYTHON") else {
-        return skip("no peers: set BUNRAKU_PEERS_PYTHON to a Python with tests/peers/requirements.txt");
-    };
-    let servos = Servos::start(&bunraku, "pty");
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers").join(script);
+    let Some(python) = python() else { return };
+    let servos = Servos::start("pty");
+    let script = workspace().join("tests/peers").join(script);
     let output = Command::new(python).arg(script).arg(&servos.port).output().expect("run the peer");
     let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{out}{err}");
@@ -86,14 +62,12 @@ fn rustypot_drives_the_servos() {
 
 #[test]
 fn a_packet_over_tcp_is_answered() {
-    use std::io::Read;
-    let Some(bunraku) = bunraku() else {
-        return skip("no bunraku: run `cargo build -p host-sim` or set BUNRAKU_BIN");
-    };
-    let servos = Servos::start(&bunraku, "tcp:127.0.0.1:0");
+    let servos = Servos::start("tcp:127.0.0.1:0");
     let mut client = std::net::TcpStream::connect(&servos.port).expect("the port that was printed");
     // The e-Manual's read of Present Position; a servo starts at the middle of its turn, 2048.
-    client.write_all(&[0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x07, 0x00, 0x02, 0x84, 0x00, 0x04, 0x00, 0x1D, 0x15]).unwrap();
+    client
+        .write_all(&[0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x07, 0x00, 0x02, 0x84, 0x00, 0x04, 0x00, 0x1D, 0x15])
+        .unwrap();
     let mut answer = [0; 15];
     client.read_exact(&mut answer).unwrap();
     assert_eq!(answer[4..13], [0x01, 0x08, 0x00, 0x55, 0x00, 0x00, 0x08, 0x00, 0x00]);
@@ -101,20 +75,17 @@ fn a_packet_over_tcp_is_answered() {
 
 #[test]
 fn errors_are_sentences_and_exit_codes() {
-    let Some(bunraku) = bunraku() else {
-        return skip("no bunraku: run `cargo build -p host-sim` or set BUNRAKU_BIN");
-    };
     let folder = tempfile::tempdir().unwrap();
     let puppet = folder.path().join("puppet.toml");
     let run = |text: &str, listen: &str| {
         std::fs::write(&puppet, text).unwrap();
         let output =
-            Command::new(&bunraku).args(["servos", "--listen", listen, "--config"]).arg(&puppet).output().unwrap();
+            bunraku().args(["servos", "--listen", listen, "--config"]).arg(&puppet).output().unwrap();
         (output.status.code(), String::from_utf8(output.stderr).unwrap())
     };
     let (code, error) = run("[[joint]]\nid = 4\n[[joint]]\nid = 4\n", "pty");
     assert_eq!(code, Some(1));
-    assert!(error.contains("puppet.toml: servo id 4 is used twice"), "{error}");
+    assert!(error.contains("puppet.toml does not describe servos: servo id 4 is used twice"), "{error}");
     let (code, error) = run("[[joint]]\nid = x\n", "pty");
     assert_eq!(code, Some(1));
     assert!(error.contains("puppet.toml") && error.contains("line 2"), "{error}");

@@ -1,3 +1,10 @@
 //! One file per subcommand: its arguments and what it does.
 
+pub mod compare;
+pub mod decode;
+pub mod encode;
+pub mod info;
+mod input;
+pub mod optimize;
 pub mod servos;
+pub mod table1;

@@ -1,5 +1,6 @@
 //! `bunraku servos`: virtual servos for any Dynamixel client.
 
+use anyhow::Context;
 use host_sim::servos::{Bus, BusConfig, config, serve};
 use std::io::Write;
 use std::path::PathBuf;
@@ -47,11 +48,12 @@ impl FromStr for Listen {
 /// # Errors
 /// A sentence about the puppet, the port or the line.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let config = BusConfig { byte_gap_us: serve::BYTE_GAP_US, ..config::read(&args.config)? };
-    let bus = Bus::new(&config).map_err(|error| anyhow::anyhow!("{}: {error}", args.config.display()))?;
+    let Args { config: path, listen, json } = args;
+    let config = BusConfig { byte_gap_us: serve::BYTE_GAP_US, ..config::read(&path)? };
+    let bus = Bus::new(&config).with_context(|| format!("{} does not describe servos", path.display()))?;
     let announce = |port: &str| -> std::io::Result<()> {
         let mut out = std::io::stdout().lock();
-        if args.json {
+        if json {
             let ids: Vec<u8> = config.servos.iter().map(|servo| servo.id).collect();
             writeln!(out, "{}", serde_json::json!({ "port": port, "ids": ids }))?;
         } else {
@@ -59,10 +61,10 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         }
         out.flush()
     };
-    match &args.listen {
+    match listen {
         Listen::Pty => serve_pty(bus, announce)?,
         Listen::Tcp(address) => {
-            let mut tcp = serve::Tcp::bind(address)?;
+            let mut tcp = serve::Tcp::bind(&address)?;
             announce(&tcp.address()?.to_string())?;
             tcp.serve(bus)?;
         }

@@ -1,0 +1,101 @@
+//! IEEE 754 single precision to 16.16 fixed point, in integers.
+//!
+//! QMD stores poses, table entries and unquantised differences as 32-bit floats (paper, section 5.1). The core
+//! has no floating point, so their bits are turned into a fixed-point word by shifts. The result is defined for
+//! every bit pattern and is part of the format (docs/FORMAT.md, "Numbers"):
+//!
+//! - the value times 65536, rounded to the nearest integer, halves away from zero;
+//! - below −2³¹ or above 2³¹ − 1, infinities included: the nearest of the two;
+//! - not a number: 0. Subnormals round to 0 like every value below 2⁻¹⁷.
+
+/// The 16.16 fixed-point word nearest to the float with these bits. One shift, no divide, no multiply.
+///
+/// ```
+/// use decoder_core::float::fixed_from_f32_bits;
+/// assert_eq!(fixed_from_f32_bits(1.5f32.to_bits()), 0x1_8000);
+/// assert_eq!(fixed_from_f32_bits(f32::NAN.to_bits()), 0);
+/// ```
+#[inline(always)]
+pub const fn fixed_from_f32_bits(bits: u32) -> i32 {
+    // The float is M · 2^(e − 158) with M the mantissa, hidden bit included, at the top of a word. Times 2^16
+    // that is M · 2^(e − 142), a right shift by 142 − e of which the last step rounds.
+    let exponent = (bits >> 23) & 0xff;
+    let mantissa = (bits << 8) | 0x8000_0000;
+    let shift = 141u32.wrapping_sub(exponent);
+    if shift > 31 {
+        return out_of_range(bits, exponent);
+    }
+    // At most 2^32 − 256 before the increment, so neither step overflows.
+    let magnitude = ((mantissa >> shift).wrapping_add(1) >> 1).cast_signed();
+    let sign = bits.cast_signed() >> 31;
+    (magnitude ^ sign).wrapping_sub(sign)
+}
+
+/// Values that round to zero, saturate, or are no numbers.
+#[cold]
+const fn out_of_range(bits: u32, exponent: u32) -> i32 {
+    let nan = bits & 0x7fff_ffff > 0x7f80_0000;
+    if exponent < 142 || nan {
+        0
+    } else if bits >> 31 == 0 {
+        i32::MAX
+    } else {
+        i32::MIN
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The definition, in wider floats: exact, since f64 holds every f32 times 65536.
+    fn reference(bits: u32) -> i32 {
+        let value = f64::from(f32::from_bits(bits));
+        if value.is_nan() {
+            return 0;
+        }
+        // `f64::round` rounds halves away from zero; `as` saturates.
+        (value * 65536.0).round() as i32
+    }
+
+    #[test]
+    fn every_exponent_and_the_mantissas_where_rounding_turns() {
+        for high in 0..=0x1ff_u32 {
+            for low in 0..=23 {
+                for near in [-2i64, -1, 0, 1, 2] {
+                    for base in [0i64, 1 << low, 0x7f_ffff & !((1 << low) - 1)] {
+                        let mantissa = (base + near).rem_euclid(1 << 23);
+                        let bits = high << 23 | mantissa as u32;
+                        assert_eq!(fixed_from_f32_bits(bits), reference(bits), "{bits:#010x}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_stride_through_all_bit_patterns() {
+        // 65537 patterns a step apart that no power of two divides, so every exponent and sign is met.
+        let mut bits = 0u32;
+        for _ in 0..2_000_000 {
+            assert_eq!(fixed_from_f32_bits(bits), reference(bits), "{bits:#010x}");
+            bits = bits.wrapping_add(0x9e37_79b1);
+        }
+    }
+
+    #[test]
+    fn edges() {
+        let at = |value: f32| fixed_from_f32_bits(value.to_bits());
+        assert_eq!(at(0.0), 0);
+        assert_eq!(at(-0.0), 0);
+        assert_eq!(at(f32::INFINITY), i32::MAX);
+        assert_eq!(at(f32::NEG_INFINITY), i32::MIN);
+        assert_eq!(at(f32::NAN), 0);
+        assert_eq!(at(32768.0), i32::MAX);
+        assert_eq!(at(-32768.0), i32::MIN);
+        assert_eq!(at(f32::MIN_POSITIVE / 2.0), 0);
+        assert_eq!(at(2f32.powi(-17)), 1, "halves round away from zero");
+        assert_eq!(at(-(2f32.powi(-17))), -1);
+        assert_eq!(at(2f32.powi(-17) * 0.999_999), 0);
+    }
+}
