@@ -7,6 +7,7 @@ import fcntl
 import math
 import os
 import struct
+import subprocess
 import sys
 import time
 
@@ -104,16 +105,21 @@ def bus():
         check(b.set_torque(IDS, False), {}, "torque off")
 
 
-def not_exclusive():
-    """rustypot takes the port for itself; the servos must still let the next client in, who may not be root."""
+def crashed_client():
+    """rustypot takes the port for itself; a client that dies without letting go must not lock out the next one."""
+    crash = (
+        "import os, sys; from rustypot import Xl430PyController;"
+        "c = Xl430PyController(sys.argv[1], 1_000_000, 0.5); c.ping(1); os._exit(7)"
+    )
+    check(subprocess.run([sys.executable, "-c", crash, sys.argv[1]]).returncode, 7, "the client that dies")
     fd = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
     taken = struct.unpack("i", fcntl.ioctl(fd, TIOCGEXCL, struct.pack("i", -1)))[0]
     os.close(fd)
-    check(taken, 0, "exclusive use of the port after rustypot is gone")
+    check(taken, 0, "exclusive use of the port after a crash")
 
 
 controller()
 bus()
 if sys.platform == "linux":
-    not_exclusive()
+    crashed_client()
 print(f"rustypot: {checks} checks passed")

@@ -14,7 +14,7 @@ use std::str::FromStr;
 #[command(after_help = "Example:\n  bunraku servos --config puppet.toml --listen pty\n  \
     /dev/pts/3\n\nThen open /dev/pts/3 with any client, such as ROBOTIS' dynamixel-sdk, at any baud rate.")]
 pub struct Args {
-    /// The puppet: one servo for each [[joint]] with its id
+    /// The puppet: one servo for the id of each joint
     #[arg(long, value_name = "PUPPET.TOML")]
     config: PathBuf,
     /// Where clients connect: `pty` or `tcp:HOST:PORT` (port 0 takes a free one)

@@ -94,7 +94,7 @@ impl Read for Controller {
     fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
         use rustix::event::{PollFd, PollFlags, poll};
         poll(&mut [PollFd::new(&self.controller, PollFlags::IN)], None)?;
-        // Some clients take the port for themselves and never let go, which would lock out the next one.
+        // A client that took the port for itself and died would lock out the next one.
         rustix::termios::ioctl_tiocnxcl(&self.port)?;
         match self.controller.read(bytes) {
             Err(error) if error.kind() == ErrorKind::WouldBlock => Err(ErrorKind::Interrupted.into()),
