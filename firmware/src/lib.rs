@@ -3,3 +3,9 @@
 //! `no_std`, no allocation; everything that decides is plain code that is tested on the host.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
+
+pub mod clock;
+pub mod interpolate;
+pub mod limits;
+pub mod map;
+pub mod player;

@@ -14,8 +14,7 @@ struct Cli {
 }
 
 #[derive(Subcommand)]
-enum Command {
-}
+enum Command {}
 
 /// Exit code of a check that failed, as against 2 for a usage error.
 const FAILED: u8 = 1;
@@ -31,6 +30,5 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> anyhow::Result<ExitCode> {
-    match cli.command {
-    }
+    match cli.command {}
 }
