@@ -6,6 +6,7 @@
 //! a `JointMap` relies on that.
 
 use crate::clock::MAX_TICK_HZ;
+use crate::dynamixel::MAX_ID;
 use crate::limits::Limits;
 use core::fmt;
 use decoder_core::I16F16;
@@ -14,9 +15,6 @@ use serde::{Deserialize, Serialize};
 
 /// Version of the bytes, their first one.
 const VERSION: u8 = 1;
-
-/// Highest id that a Dynamixel servo can have (protocol 2.0: 253 is reserved, 254 is broadcast).
-pub const MAX_ID: u8 = 252;
 
 /// Goals stay within ± this many goal units, so that no sum of a zero and a scaled channel leaves an i32.
 pub const GOAL_LIMIT: i32 = (1 << 30) - 1;

@@ -5,6 +5,7 @@
 //! same goals on every machine.
 
 use crate::clock::Clock;
+use crate::dynamixel::Goal;
 use crate::interpolate::lerp;
 use crate::map::JointMap;
 use core::fmt;
@@ -38,15 +39,6 @@ impl Frames for qmd::Decoder<'_, '_> {
     fn rewind(&mut self) {
         self.rewind();
     }
-}
-
-/// What a servo is to be told.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Goal {
-    /// The servo.
-    pub id: u8,
-    /// Goal position, in goal units.
-    pub position: i32,
 }
 
 /// What comes after the last frame.
