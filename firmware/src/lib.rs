@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod clock;
+pub mod drive;
 pub mod dynamixel;
 pub mod interpolate;
 pub mod limits;

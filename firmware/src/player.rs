@@ -143,6 +143,11 @@ impl<'m, F: Frames, const N: usize> Player<'m, F, N> {
         self.state = State::Ended;
     }
 
+    /// The map that it plays by.
+    pub const fn map(&self) -> &'m JointMap<N> {
+        self.map
+    }
+
     fn set_goals(&mut self) {
         let fraction = self.clock.fraction();
         for ((joint, span), goal) in self.map.joints().iter().zip(&self.spans).zip(&mut self.goals) {
