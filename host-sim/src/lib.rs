@@ -1,1 +1,4 @@
 //! The parts of the command `bunraku` that tests and boards use as a library.
+#![forbid(unsafe_code)]
+
+pub mod files;

@@ -14,7 +14,12 @@ struct Cli {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    Encode(commands::encode::Args),
+    Decode(commands::decode::Args),
+    Info(commands::info::Args),
+    Compare(commands::compare::Args),
+}
 
 /// Exit code of a check that failed, as against 2 for a usage error.
 const FAILED: u8 = 1;
@@ -30,5 +35,10 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> anyhow::Result<ExitCode> {
-    match cli.command {}
+    match cli.command {
+        Command::Encode(args) => commands::encode::run(args),
+        Command::Decode(args) => commands::decode::run(args),
+        Command::Info(args) => commands::info::run(args),
+        Command::Compare(args) => commands::compare::run(args),
+    }
 }

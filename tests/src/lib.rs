@@ -1,1 +1,78 @@
 //! Helpers that the workspace-wide tests share.
+#![forbid(unsafe_code)]
+
+pub mod cargo;
+
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Says that a test cannot run here. `cargo xtask test` lists and counts what was said (in the file that
+/// `BUNRAKU_SKIPS` names); in CI, or where `BUNRAKU_NO_SKIP` is set, it fails the test.
+///
+/// # Panics
+/// Where skipping is not allowed.
+pub fn skip(why: &str) {
+    let name = std::thread::current().name().unwrap_or("a test").to_owned();
+    let forbidden = std::env::var_os("CI").is_some() || std::env::var_os("BUNRAKU_NO_SKIP").is_some();
+    assert!(!forbidden, "SKIPPED, which is not allowed here: {name}: {why}");
+    eprintln!("SKIPPED: {name}: {why}");
+    if let Some(path) = std::env::var_os("BUNRAKU_SKIPS") {
+        let line = format!("{name}: {why}\n");
+        let file = OpenOptions::new().create(true).append(true).open(&path);
+        file.and_then(|mut file| file.write_all(line.as_bytes()))
+            .unwrap_or_else(|error| panic!("cannot note a skipped test in {}: {error}", path.display()));
+    }
+}
+
+/// The workspace's folder.
+pub fn workspace() -> &'static Path {
+    match Path::new(env!("CARGO_MANIFEST_DIR")).parent() {
+        Some(folder) => folder,
+        None => unreachable!("tests/ lies in the workspace"),
+    }
+}
+
+/// The folder of real motion capture, which is no part of the project: `BUNRAKU_MOTION`, or `../shared/motion`.
+/// `None` where it is not there, which is said.
+pub fn motion() -> Option<PathBuf> {
+    let folder = std::env::var_os("BUNRAKU_MOTION")
+        .map_or_else(|| workspace().join("../shared/motion"), PathBuf::from);
+    if folder.join("cmu").is_dir() {
+        return Some(folder);
+    }
+    skip(&format!("{} has no motion capture (set BUNRAKU_MOTION)", folder.display()));
+    None
+}
+
+/// A Python with the packages of tests/peers/requirements.txt: `BUNRAKU_PEERS_PYTHON`, which
+/// `cargo xtask test` sets up.
+pub fn python() -> Option<PathBuf> {
+    let found = std::env::var_os("BUNRAKU_PEERS_PYTHON").map(PathBuf::from);
+    if found.is_none() {
+        skip("no Python with the peers' packages (run `cargo xtask test`, or set BUNRAKU_PEERS_PYTHON)");
+    }
+    found
+}
+
+/// Whether Rust's target `target` is installed; says so where it is not.
+pub fn require_target(target: &str) -> bool {
+    let output = Command::new("rustc").args(["--print", "target-libdir", "--target", target]).output();
+    let found = output.is_ok_and(|output| {
+        output.status.success() && Path::new(String::from_utf8_lossy(&output.stdout).trim()).is_dir()
+    });
+    if !found {
+        skip(&format!("target {target} is not installed (rustup target add {target})"));
+    }
+    found
+}
+
+/// Whether a program can be started; says so where it cannot.
+pub fn require_program(program: &str) -> bool {
+    let found = Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success());
+    if !found {
+        skip(&format!("{program} is not installed"));
+    }
+    found
+}

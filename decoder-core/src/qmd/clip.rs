@@ -178,3 +178,124 @@ impl<'a> Cursor<'a> {
         Ok(Segment { table, rows })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::qmd::testing::{self, Random};
+    use std::vec;
+
+    const SMALL: Layout = Layout { channels: 3, rate_centihertz: 12000, fixed_channels: 1, index_bits: 8 };
+
+    fn decode_all(bytes: &[u8]) -> Result<u32, Error> {
+        let clip = Clip::parse(bytes, Limits { channels: 64, frames: 1000 })?;
+        let mut pose = vec![I16F16::ZERO; clip.channels()];
+        let mut table = vec![0; clip.table_len()];
+        let frames = clip.frames();
+        let mut decoder = clip.decoder(&mut pose, None)?;
+        let mut count = 0;
+        while decoder.next_frame().is_some() {
+            count += 1;
+        }
+        assert_eq!(count, frames);
+        let mut decoder = clip.decoder(&mut pose, Some(&mut table))?;
+        assert!(decoder.seek(frames - 1).is_some());
+        assert!(decoder.next_frame().is_none());
+        Ok(frames)
+    }
+
+    #[test]
+    fn the_size_is_the_papers() {
+        // 1037 + 5m + n(4 FDF + m − FDF) for FDF = 6, b = 8 and one segment: Table 1 prints 11.9 KiB for the jog
+        // of 136 frames, 28.1 for the walk of 343, 177.2 for the sword play of 2251.
+        let layout = Layout { channels: 62, rate_centihertz: 0, fixed_channels: 6, index_bits: 8 };
+        for (frames, tenths_of_kib) in [(136, 119), (343, 281), (2251, 1772)] {
+            let bytes = testing::clip(layout, &[frames], &mut Random(1));
+            assert_eq!(bytes.len(), 1037 + 5 * 62 + frames as usize * (4 * 6 + 62 - 6));
+            assert_eq!((bytes.len() as f64 / 102.4).round() as u32, tenths_of_kib);
+            assert_eq!(Clip::parse(&bytes, Limits::MAX).unwrap().frames(), frames);
+        }
+    }
+
+    #[test]
+    fn fields_are_read_where_they_are_written() {
+        let bytes = testing::clip(SMALL, &[2, 5], &mut Random(2));
+        let clip = Clip::parse(&bytes, Limits::MAX).unwrap();
+        assert_eq!(clip.layout(), SMALL);
+        assert_eq!((clip.frames(), clip.segments(), clip.table_len()), (7, 2, 256));
+        assert_eq!(clip.levels(), &bytes[13..16]);
+    }
+
+    #[test]
+    fn every_truncation_is_an_error_unless_a_segment_ends_there() {
+        let bytes = testing::clip(SMALL, &[4, 3], &mut Random(3));
+        let first =
+            SEGMENT_HEADER_BYTES + SMALL.opening_bytes() + SMALL.table_bytes() + 4 * SMALL.row_bytes();
+        for len in 0..bytes.len() {
+            match decode_all(&bytes[..len]) {
+                Ok(frames) => assert_eq!((len, frames), (first, 4)),
+                Err(Error::Truncated { at, needed, found, .. }) => {
+                    assert_eq!(at + found, len);
+                    assert!(found < needed);
+                }
+                Err(other) => panic!("{len}: {other}"),
+            }
+        }
+    }
+
+    #[test]
+    fn every_bit_flip_is_decoded_or_refused() {
+        let bytes = testing::clip(SMALL, &[4, 3], &mut Random(4));
+        let mut refused = 0;
+        for bit in 0..bytes.len() * 8 {
+            let mut flipped = bytes.clone();
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            refused += u32::from(decode_all(&flipped).is_err());
+        }
+        // Nearly all of both headers: all bits but those of the first rate, and of a level that stays above 0.
+        assert!(refused > 100, "{refused}");
+    }
+
+    #[test]
+    fn random_bytes_are_refused() {
+        let mut random = Random(5);
+        for _ in 0..20_000 {
+            let len = random.below(2000);
+            let bytes: Vec<u8> = (0..len).map(|_| random.next() as u8).collect();
+            assert!(decode_all(&bytes).is_err());
+        }
+    }
+
+    #[test]
+    fn limits_hold() {
+        let bytes = testing::clip(SMALL, &[4, 3], &mut Random(6));
+        assert_eq!(
+            Clip::parse(&bytes, Limits { channels: 2, frames: 10 }).unwrap_err(),
+            Error::Limit { field: Field::Channels, found: 3, limit: 2 }
+        );
+        assert_eq!(
+            Clip::parse(&bytes, Limits { channels: 3, frames: 6 }).unwrap_err(),
+            Error::Limit { field: Field::Frames, found: 7, limit: 6 }
+        );
+        let clip = Clip::parse(&bytes, Limits { channels: 3, frames: 7 }).unwrap();
+        assert_eq!(
+            clip.decoder(&mut [I16F16::ZERO; 2], None).unwrap_err(),
+            Error::OutputTooSmall { field: Field::Pose, needed: 3, lent: 2 }
+        );
+        assert_eq!(
+            clip.decoder(&mut [I16F16::ZERO; 3], Some(&mut [0; 255])).unwrap_err(),
+            Error::OutputTooSmall { field: Field::Table, needed: 256, lent: 255 }
+        );
+    }
+
+    #[test]
+    fn a_later_segment_must_repeat_the_layout() {
+        let mut bytes = testing::clip(SMALL, &[1, 1], &mut Random(7));
+        let second = bytes.len() - SEGMENT_HEADER_BYTES - SMALL.table_bytes() - SMALL.row_bytes();
+        bytes[second + 12] = 9;
+        assert_eq!(
+            Clip::parse(&bytes, Limits::MAX).unwrap_err(),
+            Error::Malformed { field: Field::IndexBits, at: second + 12, found: 9, low: 8, high: 8 }
+        );
+    }
+}

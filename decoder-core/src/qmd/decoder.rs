@@ -98,3 +98,53 @@ impl<'a, 's> Decoder<'a, 's> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Limits;
+    use crate::qmd::testing::{self, Random};
+    use std::vec::Vec;
+
+    fn bits(pose: &[I16F16]) -> Vec<i32> {
+        pose.iter().map(|value| value.to_bits()).collect()
+    }
+
+    #[test]
+    fn frames_are_the_references_with_and_without_a_table() {
+        for (seed, layout) in testing::layouts().into_iter().enumerate() {
+            let bytes = testing::clip(layout, &[3, 1, 5], &mut Random(seed as u64));
+            let clip = Clip::parse(&bytes, Limits::MAX).unwrap();
+            let expected = testing::reference(&bytes);
+            assert_eq!(clip.frames() as usize, expected.len());
+            let mut table = std::vec![0; clip.table_len()];
+            for table in [None, Some(table.as_mut_slice())] {
+                let mut pose = std::vec![I16F16::ZERO; clip.channels()];
+                let mut decoder = clip.decoder(&mut pose, table).unwrap();
+                for frame in &expected {
+                    assert_eq!(&bits(decoder.next_frame().unwrap()), frame, "{layout:?}");
+                }
+                assert!(decoder.next_frame().is_none());
+            }
+        }
+    }
+
+    #[test]
+    fn seeking_gives_the_frame_that_playing_gives() {
+        let mut random = Random(9);
+        let layout = testing::layouts()[30];
+        let bytes = testing::clip(layout, &[7, 4, 9], &mut random);
+        let expected = testing::reference(&bytes);
+        let clip = Clip::parse(&bytes, Limits::MAX).unwrap();
+        let mut pose = std::vec![I16F16::ZERO; clip.channels()];
+        let mut table = std::vec![0; clip.table_len()];
+        let mut decoder = clip.decoder(&mut pose, Some(&mut table)).unwrap();
+        for _ in 0..200 {
+            let frame = random.below(20);
+            assert_eq!(&bits(decoder.seek(frame as u32).unwrap()), &expected[frame]);
+            assert_eq!(decoder.position(), frame as u32 + 1);
+            assert!(decoder.seek(20).is_none());
+            assert_eq!(decoder.position(), frame as u32 + 1);
+        }
+    }
+}

@@ -19,6 +19,8 @@ mod decoder;
 mod row;
 mod segment;
 mod stream;
+#[cfg(test)]
+mod testing;
 
 pub use clip::Clip;
 pub use decoder::Decoder;

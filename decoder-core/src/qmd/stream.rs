@@ -284,3 +284,108 @@ impl Unit<'_> {
         Ok(self.buffer.get(..needed))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::qmd::testing::{self, Random};
+    use crate::qmd::{Clip, MAX_INDEX_BITS};
+    use std::vec;
+    use std::vec::Vec;
+
+    /// All frames of a stream that is cut where `cut` says, and how it ended.
+    fn play(
+        bytes: &[u8],
+        limits: Limits,
+        mut cut: impl FnMut() -> usize,
+    ) -> (Vec<Vec<i32>>, Result<(), Error>) {
+        let mut pose = vec![I16F16::ZERO; 300];
+        let mut table = vec![0; 1 << MAX_INDEX_BITS];
+        let mut buffer = vec![0xaa; 1200];
+        let mut stream = Stream::new(limits, &mut pose, &mut table, &mut buffer);
+        let mut frames = Vec::new();
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let (mut chunk, after) = rest.split_at(cut().min(rest.len()));
+            rest = after;
+            loop {
+                match stream.next_frame(&mut chunk) {
+                    Ok(Some(pose)) => frames.push(pose.iter().map(|value| value.to_bits()).collect()),
+                    Ok(None) => break,
+                    Err(error) => {
+                        assert_eq!(stream.next_frame(&mut chunk), Err(error), "an error is repeated");
+                        return (frames, Err(error));
+                    }
+                }
+            }
+            assert!(chunk.is_empty());
+        }
+        assert_eq!(stream.frames() as usize, frames.len());
+        (frames, stream.finish())
+    }
+
+    #[test]
+    fn any_chunking_gives_the_frames_of_the_clip_in_memory() {
+        let mut random = Random(11);
+        for layout in testing::layouts() {
+            let bytes = testing::clip(layout, &[2, 3], &mut random);
+            let expected = testing::reference(&bytes);
+            for size in [1, 2, 3, 5, 13, 64, 1021, usize::MAX] {
+                let (frames, end) = play(&bytes, Limits::MAX, || size);
+                assert_eq!((frames.as_slice(), end), (expected.as_slice(), Ok(())), "{layout:?} by {size}");
+            }
+            let (frames, end) = play(&bytes, Limits::MAX, || 1 + random.below(200));
+            assert_eq!((frames.as_slice(), end), (expected.as_slice(), Ok(())), "{layout:?}");
+        }
+    }
+
+    #[test]
+    fn damage_is_found_at_the_byte_where_parse_finds_it() {
+        let mut random = Random(12);
+        let layout = testing::layouts()[18];
+        let sound = testing::clip(layout, &[2, 3], &mut random);
+        let limits = Limits { channels: 3, frames: 5 };
+        let mut refused = 0;
+        for bit in 0..sound.len() * 8 {
+            let mut bytes = sound.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            let whole = Clip::parse(&bytes, limits).map(|clip| clip.frames());
+            let (frames, end) = play(&bytes, limits, || 7);
+            match whole {
+                Ok(count) => assert_eq!((frames.len(), end), (count as usize, Ok(()))),
+                // A whole field is missing there, a unit of it here.
+                Err(Error::Truncated { .. }) => assert!(end.is_err()),
+                Err(error) => assert_eq!(end, Err(error)),
+            }
+            refused += u32::from(end.is_err());
+        }
+        assert!(refused > 100, "{refused}");
+    }
+
+    #[test]
+    fn every_truncation_is_told_at_the_end() {
+        let bytes = testing::clip(testing::layouts()[18], &[2, 3], &mut Random(13));
+        for len in 0..bytes.len() {
+            let (_, end) = play(&bytes[..len], Limits::MAX, || 19);
+            assert_eq!(end.is_ok(), Clip::parse(&bytes[..len], Limits::MAX).is_ok(), "{len}");
+        }
+    }
+
+    #[test]
+    fn memory_that_is_too_small_is_told_with_the_size_that_is_needed() {
+        let layout = Layout { channels: 62, rate_centihertz: 0, fixed_channels: 6, index_bits: 9 };
+        let bytes = testing::clip(layout, &[1], &mut Random(14));
+        let row = 4 * 6 + 2 * 56;
+        for (pose, table, buffer, error) in [
+            (61, 512, row, Error::OutputTooSmall { field: Field::Pose, needed: 62, lent: 61 }),
+            (62, 511, row, Error::OutputTooSmall { field: Field::Table, needed: 512, lent: 511 }),
+            (62, 512, row - 1, Error::OutputTooSmall { field: Field::Rows, needed: row, lent: row - 1 }),
+        ] {
+            let mut pose = vec![I16F16::ZERO; pose];
+            let mut table = vec![0; table];
+            let mut buffer = vec![0; buffer];
+            let mut stream = Stream::new(Limits::MAX, &mut pose, &mut table, &mut buffer);
+            assert_eq!(stream.next_frame(&mut bytes.as_slice()), Err(error));
+        }
+    }
+}

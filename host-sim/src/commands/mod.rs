@@ -1,1 +1,7 @@
 //! One file per subcommand: its arguments and what it does.
+
+pub mod compare;
+pub mod decode;
+pub mod encode;
+pub mod info;
+mod input;

@@ -1,0 +1,98 @@
+//! A motion made ready to be encoded, once for however many parameters.
+
+use super::{EncodeError, Method, Parameters, closed_loop, faithful, writer};
+use crate::kinematics;
+use crate::motion::Motion;
+use crate::skeleton::Skeleton;
+
+/// What encoders need of a motion.
+#[derive(Clone, Debug)]
+pub struct Source {
+    pub(super) channels: usize,
+    pub(super) frames: usize,
+    pub(super) rate_centihertz: u16,
+    /// Angles made continuous, in degrees and centimetres, row-major.
+    pub(super) samples: Vec<f64>,
+    /// The same in 16.16 fixed point: what a decoder should give.
+    pub(super) targets: Vec<i32>,
+    /// Hierarchy level of every channel.
+    pub(super) levels: Vec<u8>,
+    /// Squared movement of the joints, in cm², per squared unit of every channel.
+    pub(super) weights: Vec<f64>,
+}
+
+impl Source {
+    /// Makes angles continuous, and finds how far each channel moves the joints.
+    ///
+    /// # Errors
+    /// [`EncodeError`] where the motion is empty or its size, rate or values do not fit the format.
+    pub fn new(skeleton: &Skeleton, motion: &Motion) -> Result<Self, EncodeError> {
+        let (frames, channels) = (motion.frames(), motion.channels);
+        if frames == 0 || channels == 0 {
+            return Err(EncodeError::Empty { frames, channels });
+        }
+        for (what, found, limit) in
+            [("channels", channels, usize::from(u16::MAX)), ("frames", frames, u32::MAX as usize)]
+        {
+            if found > limit {
+                return Err(EncodeError::TooMany { what, found, limit });
+            }
+        }
+        let rate = (motion.fps * 100.0).round();
+        if !(1.0..=f64::from(u16::MAX)).contains(&rate) {
+            return Err(EncodeError::Rate { found: motion.fps });
+        }
+        let mut continuous = motion.clone();
+        continuous.unwrap_angles(skeleton);
+        let mut targets = Vec::with_capacity(continuous.samples.len());
+        for (index, &value) in continuous.samples.iter().enumerate() {
+            let bits = (value * 65536.0).round();
+            if !(f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&bits) {
+                let channel = skeleton.channels[index % channels].name.clone();
+                return Err(EncodeError::Range { channel, frame: index / channels, value });
+            }
+            targets.push(bits as i32);
+        }
+        Ok(Self {
+            channels,
+            frames,
+            rate_centihertz: rate as u16,
+            targets,
+            levels: skeleton.channel_levels(),
+            weights: kinematics::sensitivity(skeleton, &continuous),
+            samples: continuous.samples,
+        })
+    }
+
+    /// Encodes with these parameters.
+    ///
+    /// # Errors
+    /// [`EncodeError`] where the parameters do not fit the format.
+    pub fn encode(&self, parameters: Parameters, method: Method) -> Result<Vec<u8>, EncodeError> {
+        parameters.check(self.channels as u16)?;
+        let coded = match method {
+            Method::Faithful { exponent } => faithful::encode(self, parameters, exponent),
+            Method::ClosedLoop => closed_loop::encode(self, parameters),
+        };
+        Ok(writer::write(self, parameters, &coded))
+    }
+
+    /// Frames of the motion.
+    pub const fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Channels of the motion.
+    pub const fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// The ranges of frames that segments of `segment_frames` cover.
+    pub(super) fn segments(&self, segment_frames: u32) -> impl Iterator<Item = std::ops::Range<usize>> {
+        let (frames, length) = (self.frames, segment_frames as usize);
+        (0..frames.div_ceil(length)).map(move |index| {
+            let start = index * length;
+            start..start.saturating_add(length).min(frames)
+        })
+    }
+}

@@ -1,0 +1,53 @@
+//! `bunraku compare`: how far a clip is from the motion that it was made of.
+
+use super::input;
+use anyhow::{Context, Result};
+use encoder::metrics;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Compare a clip with the motion that it was made of.
+///
+/// DEF is the displacement error per frame: distances between joints after forward kinematics, summed over the
+/// joints (def_sum_cm) or their mean (mean_joint_cm), averaged over the frames.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example:\n  bunraku compare 02_01.amc walk.qmd --skeleton 02.asf --json\n\nWith --max-error the exit code is 1 where the mean joint error is larger."
+)]
+pub struct Args {
+    /// The motion that was encoded: .amc or .bvh.
+    reference: PathBuf,
+    /// The clip, or another motion of the same channels.
+    clip: PathBuf,
+    #[command(flatten)]
+    source: input::Source,
+    /// Fail where the mean joint error is above this.
+    #[arg(long, value_name = "CM")]
+    max_error: Option<f64>,
+    /// Joints to list, the worst first.
+    #[arg(long, default_value_t = 5)]
+    worst: usize,
+    /// Report as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: Args) -> Result<ExitCode> {
+    let reference = args.source.load(&args.reference)?;
+    let (clip, bytes) = args.source.load_any(&args.clip, &reference)?;
+    let mut report = metrics::compare(&reference.skeleton, &reference.motion, &clip.motion, bytes)
+        .with_context(|| format!("cannot compare {} with {}", args.clip.display(), args.reference.display()))?;
+    report.worst_joints.truncate(args.worst);
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        println!("{report}");
+    }
+    match args.max_error {
+        Some(limit) if report.mean_joint_cm > limit => {
+            eprintln!("bunraku: the mean joint error is {:.4} cm, above {limit} cm", report.mean_joint_cm);
+            Ok(ExitCode::from(crate::FAILED))
+        }
+        _ => Ok(ExitCode::SUCCESS),
+    }
+}

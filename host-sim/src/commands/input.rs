@@ -1,0 +1,83 @@
+//! Arguments that several commands share: what is read, and how it is coded.
+
+use anyhow::{Context, Result, bail};
+use encoder::Clip;
+use encoder::qmd::Method;
+use host_sim::files;
+use std::path::{Path, PathBuf};
+
+/// How a motion file is read.
+#[derive(clap::Args, Clone)]
+pub struct Source {
+    /// The skeleton (.asf) that an AMC needs.
+    #[arg(long, value_name = "S.asf")]
+    pub skeleton: Option<PathBuf>,
+    /// Frames per second: of an AMC, which has no rate of its own (120 unless given), or instead of a BVH's.
+    #[arg(long, value_name = "F")]
+    pub fps: Option<f64>,
+}
+
+impl Source {
+    /// The motion in a .amc or .bvh file.
+    pub fn load(&self, path: &Path) -> Result<Clip> {
+        if is_clip(path) {
+            bail!("{} is a compressed clip, expected a motion (.amc or .bvh)", path.display());
+        }
+        Ok(encoder::import::load(path, self.skeleton.as_deref(), self.fps)?)
+    }
+
+    /// The motion in a .amc, .bvh or .qmd file; a .qmd takes its skeleton from `reference`, whose channels it
+    /// must have. Also the size that counts: that of a compressed clip, or of the samples as float32.
+    pub fn load_any(&self, path: &Path, reference: &Clip) -> Result<(Clip, usize)> {
+        if !is_clip(path) {
+            let clip = self.load(path)?;
+            let bytes = clip.motion.samples.len() * 4;
+            return Ok((clip, bytes));
+        }
+        let bytes = files::read(path)?;
+        let mut motion =
+            encoder::qmd::decode(&bytes).with_context(|| format!("{} is not a QMD clip", path.display()))?;
+        let (found, expected) = (motion.channels, reference.motion.channels);
+        if found != expected {
+            bail!("{} has {found} channels, expected {expected} as in the reference", path.display());
+        }
+        if motion.fps == 0.0 {
+            motion.fps = self.fps.unwrap_or(reference.motion.fps);
+        }
+        Ok((Clip { skeleton: reference.skeleton.clone(), motion }, bytes.len()))
+    }
+}
+
+/// Whether the file's name says that it is one of our compressed clips.
+pub fn is_clip(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("qmd"))
+}
+
+/// The quality control parameters of QMD.
+#[derive(clap::Args, Clone)]
+pub struct Quality {
+    /// Bits of an index (QMD b).
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u8).range(8..=16))]
+    pub bits: u8,
+    /// Leading channels that stay floats (QMD FDF); 6 unless given, or all where there are fewer.
+    #[arg(long, value_name = "CHANNELS")]
+    pub fdf: Option<u16>,
+    /// Use the paper's encoder, whose errors add up, instead of ours.
+    #[arg(long)]
+    pub faithful: bool,
+    /// The constant k of the paper's equation 1; selective averaging (its limit) unless given.
+    #[arg(long, value_name = "K", requires = "faithful")]
+    pub exponent: Option<f64>,
+}
+
+impl Quality {
+    /// FDF for a motion of so many channels.
+    pub fn fixed_channels(&self, channels: usize) -> u16 {
+        self.fdf.unwrap_or_else(|| 6.min(channels as u16))
+    }
+
+    /// The encoder to use.
+    pub const fn method(&self) -> Method {
+        if self.faithful { Method::Faithful { exponent: self.exponent } } else { Method::ClosedLoop }
+    }
+}

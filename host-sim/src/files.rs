@@ -1,0 +1,63 @@
+//! Files in and out: errors name the file, and an output appears whole or not at all.
+
+use anyhow::{Context, Result};
+use std::fs;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+/// Reads a whole file.
+///
+/// # Errors
+/// A sentence that names the file.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+/// Writes a file by way of a temporary one in the same folder, which takes its name once it is whole. Where
+/// `write` fails, whatever was at `path` is left as it was.
+///
+/// # Errors
+/// A sentence that names the file.
+pub fn write(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+    let failed = || format!("cannot write {}", path.display());
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    // `tempfile` makes private files; an output has the permissions of any other new file.
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
+    let file = builder.tempfile_in(folder).with_context(failed)?;
+    let mut buffer = BufWriter::new(file);
+    write(&mut buffer)?;
+    let file = buffer.into_inner().map_err(|error| error.into_error()).with_context(failed)?;
+    file.persist(path).map_err(|error| error.error).with_context(failed)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_what_was_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out");
+        write(&path, |file| Ok(file.write_all(b"old")?)).unwrap();
+        let failed = write(&path, |file| {
+            file.write_all(b"new, but")?;
+            anyhow::bail!("no")
+        });
+        assert!(failed.is_err());
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
+    }
+
+    #[test]
+    fn errors_name_the_file() {
+        assert!(format!("{:#}", read(Path::new("no/such.amc")).unwrap_err()).contains("no/such.amc"));
+        let failed = write(Path::new("no/such/folder/out"), |_| Ok(()));
+        assert!(format!("{:#}", failed.unwrap_err()).contains("no/such/folder/out"));
+    }
+}

@@ -1,0 +1,133 @@
+//! What a fresh Debian or Ubuntu machine lacks: Rust's targets, QEMU, and a Python with the peers of the tests.
+
+use crate::{Result, run, workspace};
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+/// Cortex-M0 and M0+, M3, M4 without FPU.
+const TARGETS: [&str; 3] = ["thumbv6m-none-eabi", "thumbv7m-none-eabi", "thumbv7em-none-eabi"];
+
+/// What was found or installed.
+#[derive(Default)]
+pub struct Ready {
+    /// A Python with the packages that tests compare us with.
+    pub python: Option<PathBuf>,
+    /// For everything that is not there, what to do about it.
+    pub missing: Vec<String>,
+}
+
+impl Ready {
+    /// Prints what is missing.
+    pub fn list(&self) {
+        for line in &self.missing {
+            println!("missing: {line}");
+        }
+    }
+
+    /// Prints what is missing, and fails if anything is.
+    pub fn report(&self) -> Result<()> {
+        self.list();
+        match self.missing.len() {
+            0 => Ok(()),
+            count => Err(format!("{count} things are missing")),
+        }
+    }
+}
+
+/// Everything.
+pub fn all() -> Ready {
+    let mut ready = for_boards();
+    match peers() {
+        Ok(python) => ready.python = Some(python),
+        Err(error) => ready.missing.push(error),
+    }
+    ready
+}
+
+/// What building and running images for microcontrollers takes.
+pub fn for_boards() -> Ready {
+    let mut ready = Ready::default();
+    ready.missing.extend(targets().err());
+    ready.missing.extend(program("qemu-system-arm", "qemu-system-arm").err());
+    ready
+}
+
+/// Whether a command can be run and succeeds.
+pub fn works(command: &mut Command) -> bool {
+    command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
+}
+
+fn targets() -> Result<()> {
+    let installed = |target: &str| {
+        Command::new("rustc")
+            .args(["--print", "target-libdir", "--target", target])
+            .output()
+            .is_ok_and(|output| PathBuf::from(String::from_utf8_lossy(&output.stdout).trim()).is_dir())
+    };
+    let missing: Vec<&str> = TARGETS.into_iter().filter(|target| !installed(target)).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    println!("installing Rust's targets {}", missing.join(", "));
+    run(Command::new("rustup").args(["target", "add"]).args(&missing))
+        .map_err(|_| format!("Rust's targets: rustup target add {}", missing.join(" ")))
+}
+
+/// Makes sure of a program, from the Debian package `package` if it is not there.
+fn program(name: &str, package: &str) -> Result<()> {
+    if works(Command::new(name).arg("--version")) {
+        return Ok(());
+    }
+    apt(package).map_err(|_| {
+        format!("{name}: sudo apt-get install --no-install-recommends {package}, or your system's equal")
+    })
+}
+
+/// Installs a Debian package, as root or with a sudo that asks for no password.
+fn apt(package: &str) -> Result<()> {
+    let root = Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout.trim_ascii() == b"0");
+    let apt = || {
+        let mut command = if root {
+            Command::new("apt-get")
+        } else {
+            let mut sudo = Command::new("sudo");
+            sudo.args(["-n", "apt-get"]);
+            sudo
+        };
+        command.env("DEBIAN_FRONTEND", "noninteractive").stdout(Stdio::null());
+        command
+    };
+    println!("installing the Debian package {package}");
+    // Lists may be old or not there at all; where they cannot be had, the package may be known all the same.
+    let _ = run(apt().args(["update", "-q"]));
+    run(apt().args(["install", "-q", "-y", "--no-install-recommends", package]))
+}
+
+/// A virtual environment in target/ with the packages of tests/peers/requirements.txt.
+fn peers() -> Result<PathBuf> {
+    let requirements = workspace().join("tests/peers/requirements.txt");
+    let wanted = fs::read_to_string(&requirements)
+        .map_err(|error| format!("cannot read {}: {error}", requirements.display()))?;
+    let folder = workspace().join("target/peers");
+    let python = folder.join("bin/python");
+    let stamp = folder.join("installed.txt");
+    if fs::read_to_string(&stamp).is_ok_and(|installed| installed == wanted) {
+        return Ok(python);
+    }
+    println!("installing the Python packages that tests compare us with into target/peers");
+    program("python3", "python3")?;
+    let venv = || works(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder));
+    if !venv() {
+        apt("python3-venv").map_err(|_| "Python's venv: sudo apt-get install python3-venv".to_owned())?;
+        if !venv() {
+            return Err("Python's venv: `python3 -m venv` fails although python3-venv is installed".to_owned());
+        }
+    }
+    run(Command::new(&python)
+        .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--requirement"])
+        .arg(&requirements))
+    .map_err(|error| format!("the packages of tests/peers/requirements.txt: {error}"))?;
+    fs::write(&stamp, wanted).map_err(|error| format!("cannot write {}: {error}", stamp.display()))?;
+    Ok(python)
+}
