@@ -16,6 +16,9 @@ use serde::{Deserialize, Serialize};
 /// Version of the bytes, their first one.
 const VERSION: u8 = 1;
 
+/// Most servos of the maps that this project's host and boards exchange (`N` of [`JointMap`]).
+pub const MAX_SERVOS: usize = 32;
+
 /// Goals stay within ± this many goal units, so that no sum of a zero and a scaled channel leaves an i32.
 pub const GOAL_LIMIT: i32 = (1 << 30) - 1;
 

@@ -12,11 +12,8 @@ use decoder_core::{I16F16, Limits, qmd};
 use embassy_executor::Spawner;
 use embassy_time::{Instant, Timer};
 use firmware::drive::{buffer_len, drive};
-use firmware::map::JointMap;
+use firmware::map::{JointMap, MAX_SERVOS};
 use firmware::player::{Player, Repeat};
-
-/// Most servos on the bus.
-const SERVOS: usize = 32;
 
 /// Most channels of a clip.
 const CHANNELS: usize = 256;
@@ -40,7 +37,7 @@ async fn main(_spawner: Spawner) {
     };
     time::start(core.SYST);
 
-    let map = match JointMap::<SERVOS>::parse(MAP) {
+    let map = match JointMap::<MAX_SERVOS>::parse(MAP) {
         Ok(map) => map,
         Err(error) => defmt::panic!("map: {}", error),
     };
@@ -68,7 +65,7 @@ async fn main(_spawner: Spawner) {
     defmt::info!("{} frames at {} cHz on {} servos", clip.frames(), rate, map.joints().len());
     let start = Instant::now();
     let due = |tick| start + embassy_time::Duration::from_micros(map.tick_micros(tick));
-    let mut buffer = [0; buffer_len(SERVOS)];
+    let mut buffer = [0; buffer_len(MAX_SERVOS)];
     let played = drive(&mut player, &mut bus, &mut buffer, async |tick| Timer::at(due(tick)).await).await;
     match played {
         Ok(ticks) => {
