@@ -3,7 +3,13 @@
 //! Floating point chooses here, but never reconstructs: every encoder decodes with `decoder-core`.
 #![forbid(unsafe_code)]
 
+pub mod angles;
+pub mod export;
+pub mod import;
+pub mod kinematics;
+pub mod metrics;
 pub mod motion;
+pub mod sample;
 pub mod skeleton;
 
 pub use motion::Motion;

@@ -21,6 +21,39 @@ pub enum ChannelKind {
     Length,
 }
 
+impl ChannelKind {
+    /// All kinds.
+    pub const ALL: [Self; 7] = [Self::Tx, Self::Ty, Self::Tz, Self::Rx, Self::Ry, Self::Rz, Self::Length];
+
+    /// Its name in an ASF file, in lower case: `tx`, `rz`, `l`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tx => "tx",
+            Self::Ty => "ty",
+            Self::Tz => "tz",
+            Self::Rx => "rx",
+            Self::Ry => "ry",
+            Self::Rz => "rz",
+            Self::Length => "l",
+        }
+    }
+
+    /// Whether it is a rotation, in degrees; the others are lengths, in centimetres.
+    pub fn is_rotation(self) -> bool {
+        matches!(self, Self::Rx | Self::Ry | Self::Rz)
+    }
+
+    /// 0, 1 or 2 for a rotation about, or a translation along, x, y or z; `None` for [`Length`](Self::Length).
+    pub fn axis(self) -> Option<usize> {
+        match self {
+            Self::Tx | Self::Rx => Some(0),
+            Self::Ty | Self::Ry => Some(1),
+            Self::Tz | Self::Rz => Some(2),
+            Self::Length => None,
+        }
+    }
+}
+
 /// One degree of freedom: a column of a [`Motion`](crate::Motion).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
@@ -36,16 +69,20 @@ pub struct Channel {
 
 /// A joint and the bone behind it.
 ///
-/// Its transform is `M = M_parent · T(offset) · T(translations) · C · R · C⁻¹` with `C` the rest orientation
-/// `axis` and `R` the product of its rotations; its position is that of `M · tail`.
-/// ASF: `offset` is the parent's tail, `tail` is direction × length. BVH: `offset` is OFFSET, `tail` is zero.
+/// Its transform is `M = M_parent · T(offset) · C · T(translations) · R · C⁻¹` with `C` the rest orientation
+/// `axis` and `R` the product of its rotations; its position is that of `M · tail`. A `Length` channel moves
+/// the tail, and with it the children, along the bone.
+///
+/// ASF: `offset` is the parent's tail (`:root position` for the root), `tail` is direction × length.
+/// BVH: `offset` is OFFSET, but zero along an axis that has a position channel, since that replaces it;
+/// `tail` is zero and `axis` the identity. An `End Site` is a joint without channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
     /// Name, unique in the skeleton.
     pub name: String,
     /// Index of the parent, which is smaller than the joint's own; `None` for the root, which is joint 0.
     pub parent: Option<usize>,
-    /// Translation from the parent's origin to this joint's, in centimetres, in the rest pose's axes.
+    /// Translation from the parent's origin to this joint's, in centimetres, in the parent's rest axes.
     pub offset: [f64; 3],
     /// Rest orientation of the joint's own axes, row-major.
     pub axis: [[f64; 3]; 3],
@@ -67,12 +104,36 @@ pub struct Skeleton {
     pub joints: Vec<Joint>,
     /// Channels, the columns of a motion: the root's, then the joints' in the file's order.
     pub channels: Vec<Channel>,
+    /// The format that it was read from and its unit of length: what an exporter writes back.
+    pub origin: Origin,
+}
+
+/// Where a skeleton came from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Origin {
+    /// An Acclaim skeleton (ASF).
+    Asf {
+        /// Centimetres in one of the file's units of length: 2.54 / `length` of its `:units`.
+        cm_per_unit: f64,
+        /// Whether its motions are in radians unless they say otherwise.
+        radians: bool,
+    },
+    /// The hierarchy of a BVH file.
+    Bvh {
+        /// Centimetres in one of the file's units of length.
+        cm_per_unit: f64,
+    },
 }
 
 impl Skeleton {
     /// Hierarchy level of every channel: the level of its joint.
     pub fn channel_levels(&self) -> Vec<u8> {
         self.channels.iter().map(|channel| self.joints[channel.joint].level).collect()
+    }
+
+    /// Whether each channel is a rotation, in degrees (the others are lengths, in centimetres).
+    pub fn rotation_channels(&self) -> Vec<bool> {
+        self.channels.iter().map(|channel| channel.kind.is_rotation()).collect()
     }
 
     /// Index of the channel of that name, for instance `rradius.rx`.

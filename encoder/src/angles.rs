@@ -1,0 +1,95 @@
+//! Angles in degrees and rotation matrices.
+
+/// A 3 × 3 matrix, row-major, that multiplies column vectors.
+pub type Matrix = [[f64; 3]; 3];
+
+/// The matrix that changes nothing.
+pub const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// The same angle in (-180, 180], in degrees. Angles that are there already are not changed by a bit.
+pub fn wrap(degrees: f64) -> f64 {
+    if degrees > -180.0 && degrees <= 180.0 {
+        return degrees;
+    }
+    let turned = degrees.rem_euclid(360.0);
+    if turned > 180.0 { turned - 360.0 } else { turned }
+}
+
+/// Rotation by `degrees` about axis 0 (x), 1 (y) or 2 (z), right-handed.
+///
+/// # Panics
+/// If `axis` is not 0, 1 or 2.
+pub fn rotation(axis: usize, degrees: f64) -> Matrix {
+    assert!(axis < 3, "axis {axis}, expected 0, 1 or 2");
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+    let mut matrix = IDENTITY;
+    (matrix[i][i], matrix[i][j]) = (cos, -sin);
+    (matrix[j][i], matrix[j][j]) = (sin, cos);
+    matrix
+}
+
+/// Product `a · b`.
+pub fn multiply(a: &Matrix, b: &Matrix) -> Matrix {
+    std::array::from_fn(|row| std::array::from_fn(|column| (0..3).map(|k| a[row][k] * b[k][column]).sum()))
+}
+
+/// Product of a matrix and a column vector.
+pub fn apply(matrix: &Matrix, vector: [f64; 3]) -> [f64; 3] {
+    matrix.map(|row| row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2])
+}
+
+/// The transpose, which is a rotation's inverse.
+pub fn transpose(matrix: &Matrix) -> Matrix {
+    std::array::from_fn(|row| std::array::from_fn(|column| matrix[column][row]))
+}
+
+/// Angles `[z, y, x]` in degrees with `matrix = Rz · Ry · Rx`; y is in [-90, 90].
+///
+/// Where y is ±90 degrees, only z ± x is defined, and x is taken as 0.
+pub fn euler_zyx(matrix: &Matrix) -> [f64; 3] {
+    let [[m00, m01, _], [m10, m11, _], [m20, m21, m22]] = *matrix;
+    let cos_y = m00.hypot(m10);
+    let y = (-m20).atan2(cos_y);
+    let (z, x) = if cos_y > 1e-9 { (m10.atan2(m00), m21.atan2(m22)) } else { ((-m01).atan2(m11), 0.0) };
+    [z, y, x].map(f64::to_degrees)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn zyx([z, y, x]: [f64; 3]) -> Matrix {
+        multiply(&multiply(&rotation(2, z), &rotation(1, y)), &rotation(0, x))
+    }
+
+    #[test]
+    fn wraps_into_half_open_range() {
+        for (degrees, wrapped) in
+            [(180.0, 180.0), (-180.0, 180.0), (181.0, -179.0), (-540.0, 180.0), (725.0, 5.0), (1e-17, 1e-17)]
+        {
+            assert_eq!(wrap(degrees), wrapped);
+        }
+    }
+
+    #[test]
+    fn rotations_are_right_handed() {
+        for axis in 0..3 {
+            let mut from = [0.0; 3];
+            from[(axis + 1) % 3] = 1.0;
+            let to = apply(&rotation(axis, 90.0), from);
+            assert!((to[(axis + 2) % 3] - 1.0).abs() < 1e-15, "{axis}: {to:?}");
+        }
+    }
+
+    #[test]
+    fn euler_angles_give_the_matrix_back() {
+        for angles in [[10.0, 20.0, 30.0], [-170.0, 89.0, 140.0], [50.0, 90.0, 20.0], [50.0, -90.0, 20.0]] {
+            let matrix = zyx(angles);
+            let again = zyx(euler_zyx(&matrix));
+            for (a, b) in matrix.as_flattened().iter().zip(again.as_flattened()) {
+                assert!((a - b).abs() < 1e-12, "{angles:?}");
+            }
+        }
+    }
+}
