@@ -2,3 +2,6 @@
 #![forbid(unsafe_code)]
 
 pub mod files;
+pub mod puppet;
+pub mod qemu;
+mod qemu_log;
