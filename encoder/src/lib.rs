@@ -9,8 +9,10 @@ pub mod import;
 pub mod kinematics;
 pub mod metrics;
 pub mod motion;
+pub mod qmd;
 pub mod sample;
 pub mod skeleton;
 
+pub use import::Clip;
 pub use motion::Motion;
 pub use skeleton::Skeleton;

@@ -19,12 +19,16 @@ enum Command {
     Decode(commands::decode::Args),
     Info(commands::info::Args),
     Compare(commands::compare::Args),
+    Optimize(commands::optimize::Args),
+    Table1(commands::table1::Args),
 }
 
 /// Exit code of a check that failed, as against 2 for a usage error.
 const FAILED: u8 = 1;
 
 fn main() -> ExitCode {
+    // A reader that has seen enough, such as `head`, ends the command quietly.
+    sigpipe::reset();
     match run(Cli::parse()) {
         Ok(code) => code,
         Err(error) => {
@@ -40,5 +44,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Decode(args) => commands::decode::run(args),
         Command::Info(args) => commands::info::run(args),
         Command::Compare(args) => commands::compare::run(args),
+        Command::Optimize(args) => commands::optimize::run(args),
+        Command::Table1(args) => commands::table1::run(args),
     }
 }

@@ -25,7 +25,8 @@ pub fn folder() -> PathBuf {
 /// # Panics
 /// Where one cannot be read.
 pub fn all() -> Vec<Vector> {
-    let sums = fs::read_to_string(folder().join("SHA256SUMS")).unwrap_or_else(|error| panic!("SHA256SUMS: {error}"));
+    let sums =
+        fs::read_to_string(folder().join("SHA256SUMS")).unwrap_or_else(|error| panic!("SHA256SUMS: {error}"));
     let vectors: Vec<Vector> = sums
         .lines()
         .filter_map(|line| line.split_once("  "))

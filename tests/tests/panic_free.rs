@@ -15,7 +15,6 @@ const FORBIDDEN: [&str; 5] = [
     "__rust_alloc",
 ];
 
-
 /// Code below this many bytes means that the optimiser folded the decoder away. The least seen is 2,3 KB.
 const FLOOR: u64 = 1500;
 
@@ -23,11 +22,9 @@ fn image(target: &str, features: &[&str]) -> (u64, Vec<String>) {
     let path = cargo::image("panic-free", target, "panic-free", features);
     let bytes = std::fs::read(&path).unwrap();
     let file = object::File::parse(bytes.as_slice()).unwrap();
-    let code = file.symbols().filter(|symbol| symbol.kind() == SymbolKind::Text).map(|symbol| symbol.size()).sum();
-    let found = file
-        .symbols()
-        .filter_map(|symbol| symbol.name().ok().map(str::to_owned))
-        .collect();
+    let code =
+        file.symbols().filter(|symbol| symbol.kind() == SymbolKind::Text).map(|symbol| symbol.size()).sum();
+    let found = file.symbols().filter_map(|symbol| symbol.name().ok().map(str::to_owned)).collect();
     (code, found)
 }
 
@@ -40,7 +37,10 @@ fn check(target: &str) {
     assert!(code > FLOOR, "{target}: only {code} bytes of code");
     println!("{target}: {code} bytes of code");
     let (_, found) = image(target, &["planted"]);
-    assert!(found.iter().any(|name| name.contains("9panicking")), "{target}: the planted panic was not found");
+    assert!(
+        found.iter().any(|name| name.contains("9panicking")),
+        "{target}: the planted panic was not found"
+    );
 }
 
 #[test]

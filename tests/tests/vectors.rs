@@ -68,7 +68,12 @@ fn every_truncation_is_decoded_or_refused() {
     for vector in vectors::all() {
         for len in 0..vector.bytes.len() {
             let cut = &vector.bytes[..len];
-            assert_eq!(hash(cut, true).is_ok(), hash_of_stream(cut, 61).is_ok(), "{} cut at {len}", vector.name);
+            assert_eq!(
+                hash(cut, true).is_ok(),
+                hash_of_stream(cut, 61).is_ok(),
+                "{} cut at {len}",
+                vector.name
+            );
         }
     }
 }

@@ -49,7 +49,9 @@ fn demo() -> Result<()> {
     let ready = setup::for_boards();
     let folder = workspace().join("target/demo");
     let mut bunraku = cargo();
-    bunraku.args(["run", "--quiet", "--package", "host-sim", "--bin", "bunraku", "--", "demo", "--output"]).arg(folder);
+    bunraku
+        .args(["run", "--quiet", "--package", "host-sim", "--bin", "bunraku", "--", "demo", "--output"])
+        .arg(folder);
     if ready.missing.is_empty() {
         bunraku.arg("--qemu");
     } else {
@@ -63,7 +65,8 @@ fn test(arguments: &[String]) -> Result<()> {
     let ready = setup::all();
     ready.list();
     let skips = workspace().join("target/skipped-tests.txt");
-    fs::create_dir_all(workspace().join("target")).map_err(|error| format!("cannot make target/: {error}"))?;
+    fs::create_dir_all(workspace().join("target"))
+        .map_err(|error| format!("cannot make target/: {error}"))?;
     fs::write(&skips, "").map_err(|error| format!("cannot write {}: {error}", skips.display()))?;
     // Tests run the command as users do.
     run(cargo().args(["build", "--package", "host-sim", "--bin", "bunraku"]))?;
@@ -76,9 +79,11 @@ fn test(arguments: &[String]) -> Result<()> {
     }
     let outcome = run(&mut tests);
     // nextest leaves the examples in the docs to cargo.
-    let examples = if nextest && arguments.is_empty() { run(cargo().args(["test", "--doc"])) } else { Ok(()) };
+    let examples =
+        if nextest && arguments.is_empty() { run(cargo().args(["test", "--doc"])) } else { Ok(()) };
 
-    let skipped = fs::read_to_string(&skips).map_err(|error| format!("cannot read {}: {error}", skips.display()))?;
+    let skipped =
+        fs::read_to_string(&skips).map_err(|error| format!("cannot read {}: {error}", skips.display()))?;
     for line in skipped.lines() {
         println!("skipped: {line}");
     }

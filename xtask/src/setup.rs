@@ -121,7 +121,9 @@ fn peers() -> Result<PathBuf> {
     if !venv() {
         apt("python3-venv").map_err(|_| "Python's venv: sudo apt-get install python3-venv".to_owned())?;
         if !venv() {
-            return Err("Python's venv: `python3 -m venv` fails although python3-venv is installed".to_owned());
+            return Err(
+                "Python's venv: `python3 -m venv` fails although python3-venv is installed".to_owned()
+            );
         }
     }
     run(Command::new(&python)

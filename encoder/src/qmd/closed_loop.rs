@@ -30,7 +30,9 @@ pub(super) fn encode(source: &Source, parameters: Parameters) -> Coded {
             // The first row is a difference like the others, of zero if it can be. The initial pose makes up for
             // what the entry nearest to zero lacks.
             let nearest = table.words[table.nearest(0)];
-            for (value, &target) in initial[fixed_channels..].iter_mut().zip(&source.targets[fixed_channels..]) {
+            for (value, &target) in
+                initial[fixed_channels..].iter_mut().zip(&source.targets[fixed_channels..])
+            {
                 *value = float(target.wrapping_sub(nearest));
             }
             pose = initial.iter().map(|&value| fixed(value)).collect();
@@ -53,10 +55,8 @@ impl Table {
     fn new(mut entries: Vec<f32>) -> Self {
         entries.sort_unstable_by(f32::total_cmp);
         let words: Vec<i32> = entries.iter().map(|&entry| fixed(entry)).collect();
-        let ends = words
-            .windows(2)
-            .map(|pair| ((i64::from(pair[0]) + i64::from(pair[1])) >> 1) as i32)
-            .collect();
+        let ends =
+            words.windows(2).map(|pair| ((i64::from(pair[0]) + i64::from(pair[1])) >> 1) as i32).collect();
         Self { words, floats: entries, ends }
     }
 
@@ -93,7 +93,11 @@ impl Loop<'_> {
             let entries = sums
                 .iter()
                 .zip(&table.floats)
-                .map(|(&(sum, weight), &entry)| if weight > 0.0 { (sum / weight / 65536.0) as f32 } else { entry })
+                .map(
+                    |(&(sum, weight), &entry)| {
+                        if weight > 0.0 { (sum / weight / 65536.0) as f32 } else { entry }
+                    },
+                )
                 .collect();
             table = Table::new(entries);
         }

@@ -36,12 +36,14 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let reference = args.source.load(&args.reference)?;
     let (clip, bytes) = args.source.load_any(&args.clip, &reference)?;
     let mut report = metrics::compare(&reference.skeleton, &reference.motion, &clip.motion, bytes)
-        .with_context(|| format!("cannot compare {} with {}", args.clip.display(), args.reference.display()))?;
+        .with_context(|| {
+            format!("cannot compare {} with {}", args.clip.display(), args.reference.display())
+        })?;
     report.worst_joints.truncate(args.worst);
     if args.json {
         println!("{}", serde_json::to_string_pretty(&report)?);
     } else {
-        println!("{report}");
+        print(&report);
     }
     match args.max_error {
         Some(limit) if report.mean_joint_cm > limit => {
@@ -49,5 +51,22 @@ pub fn run(args: Args) -> Result<ExitCode> {
             Ok(ExitCode::from(crate::FAILED))
         }
         _ => Ok(ExitCode::SUCCESS),
+    }
+}
+
+fn print(report: &metrics::Report) {
+    println!("{} frames of {} channels at {} fps", report.frames, report.channels, report.fps);
+    println!("  size             {} bytes, {:.2} times smaller than float32", report.bytes, report.ratio_f32);
+    println!("  DEF, sum         {:.4} cm", report.def_sum_cm);
+    println!("  DEF, mean        {:.5} cm a joint", report.mean_joint_cm);
+    println!("  worst frame      {:.4} cm", report.max_joint_cm);
+    println!("  rotations, RMS   {:.5} degrees", report.rms_deg);
+    match report.psnr_db {
+        Some(psnr) => println!("  PSNR             {psnr:.2} dB"),
+        None => println!("  PSNR             not defined: no error, or no movement"),
+    }
+    println!("  worst joints     mean cm   max cm");
+    for joint in &report.worst_joints {
+        println!("  {:<15} {:>8.4} {:>8.4}", joint.name, joint.mean_cm, joint.max_cm);
     }
 }

@@ -1,8 +1,8 @@
 //! `bunraku decode`: a compressed clip in, motion capture out.
 
-use super::input;
 use anyhow::{Context, Result, bail};
-use encoder::{export, import};
+use encoder::export;
+use encoder::import::{self, amc};
 use host_sim::files;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -25,28 +25,35 @@ pub struct Args {
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
-    let format = export::Format::of(&args.output)
-        .with_context(|| format!("{}: expected a name in .amc, .bvh or .csv", args.output.display()))?;
-    let skeleton = import::skeleton(&args.skeleton)?;
+    let extension = args.output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if !["amc", "bvh", "csv"].contains(&extension.as_str()) {
+        bail!("{}: found the extension {extension:?}, expected amc, bvh or csv", args.output.display());
+    }
+    let skeleton = import::load_skeleton(&args.skeleton)?;
     let bytes = files::read(&args.clip)?;
     let mut motion =
         encoder::qmd::decode(&bytes).with_context(|| format!("{} is not a QMD clip", args.clip.display()))?;
     let (found, expected) = (motion.channels, skeleton.channels.len());
     if found != expected {
-        bail!(
-            "{} has {found} channels, but {} has {expected}",
-            args.clip.display(),
-            args.skeleton.display()
-        );
+        bail!("{} has {found} channels, but {} has {expected}", args.clip.display(), args.skeleton.display());
     }
     if let Some(fps) = args.fps {
         motion.fps = fps;
     } else if motion.fps == 0.0 {
-        motion.fps = import::DEFAULT_FPS;
+        motion.fps = amc::DEFAULT_FPS;
     }
     let frames = motion.frames();
-    motion.wrap_angles(&skeleton);
-    files::write(&args.output, |file| Ok(export::write(file, format, &skeleton, &motion)?))?;
+    files::write(&args.output, |mut file| {
+        match extension.as_str() {
+            "amc" => export::amc::write(&mut file, &skeleton, &motion, export::amc::Rotations::Wrapped),
+            "bvh" => {
+                motion.wrap_angles(&skeleton);
+                export::bvh::write(&mut file, &skeleton, &motion)
+            }
+            _ => export::csv::write(&mut file, &skeleton, &motion),
+        }
+        .with_context(|| format!("cannot write {}", args.output.display()))
+    })?;
     println!("{}: {frames} frames of {found} channels", args.output.display());
     Ok(ExitCode::SUCCESS)
 }

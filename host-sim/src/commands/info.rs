@@ -39,14 +39,16 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     println!("{}: QMD, {} bytes", args.clip.display(), bytes.len());
     match fps {
-        Some(fps) => println!(
-            "  {} frames at {fps} fps, {:.2} s",
-            clip.frames(),
-            f64::from(clip.frames()) / fps
-        ),
+        Some(fps) => {
+            println!("  {} frames at {fps} fps, {:.2} s", clip.frames(), f64::from(clip.frames()) / fps);
+        }
         None => println!("  {} frames, rate not recorded", clip.frames()),
     }
-    println!("  {} channels, of which {} fixed (FDF); levels 1 to {highest}", clip.channels(), layout.fixed_channels);
+    println!(
+        "  {} channels, of which {} fixed (FDF); levels 1 to {highest}",
+        clip.channels(),
+        layout.fixed_channels
+    );
     println!("  {} bits an index (b), {} bytes a frame", layout.index_bits, layout.row_bytes());
     println!("  {} segments, each with a table of {} entries", clip.segments(), clip.table_len());
     println!(

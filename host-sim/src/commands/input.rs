@@ -28,11 +28,11 @@ impl Source {
 
     /// The motion in a .amc, .bvh or .qmd file; a .qmd takes its skeleton from `reference`, whose channels it
     /// must have. Also the size that counts: that of a compressed clip, or of the samples as float32.
-    pub fn load_any(&self, path: &Path, reference: &Clip) -> Result<(Clip, usize)> {
+    pub fn load_any(&self, path: &Path, reference: &Clip) -> Result<(Clip, u64)> {
         if !is_clip(path) {
             let clip = self.load(path)?;
             let bytes = clip.motion.samples.len() * 4;
-            return Ok((clip, bytes));
+            return Ok((clip, bytes as u64));
         }
         let bytes = files::read(path)?;
         let mut motion =
@@ -44,7 +44,7 @@ impl Source {
         if motion.fps == 0.0 {
             motion.fps = self.fps.unwrap_or(reference.motion.fps);
         }
-        Ok((Clip { skeleton: reference.skeleton.clone(), motion }, bytes.len()))
+        Ok((Clip { skeleton: reference.skeleton.clone(), motion }, bytes.len() as u64))
     }
 }
 

@@ -5,3 +5,5 @@ pub mod decode;
 pub mod encode;
 pub mod info;
 mod input;
+pub mod optimize;
+pub mod table1;
