@@ -4,4 +4,10 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
+pub mod clock;
+pub mod drive;
 pub mod dynamixel;
+pub mod interpolate;
+pub mod limits;
+pub mod map;
+pub mod player;

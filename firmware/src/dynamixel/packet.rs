@@ -76,6 +76,7 @@ impl Status<'_> {
 
 /// Why a packet could not be written; the buffer then holds part of one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum WriteError {
     /// The buffer ends before the packet; [`max_packet_len`] says what suffices.
     BufferTooSmall,
