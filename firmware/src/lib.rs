@@ -3,3 +3,11 @@
 //! `no_std`, no allocation; everything that decides is plain code that is tested on the host.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
+
+pub mod clock;
+pub mod drive;
+pub mod dynamixel;
+pub mod interpolate;
+pub mod limits;
+pub mod map;
+pub mod player;

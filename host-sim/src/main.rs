@@ -21,6 +21,7 @@ enum Command {
     Compare(commands::compare::Args),
     Optimize(commands::optimize::Args),
     Table1(commands::table1::Args),
+    Servos(commands::servos::Args),
 }
 
 /// Exit code of a check that failed, as against 2 for a usage error.
@@ -46,5 +47,6 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Compare(args) => commands::compare::run(args),
         Command::Optimize(args) => commands::optimize::run(args),
         Command::Table1(args) => commands::table1::run(args),
+        Command::Servos(args) => commands::servos::run(args),
     }
 }

@@ -1,4 +1,5 @@
 //! decoder-core, linked whole for Cortex-M, has no panic, no float and no allocation in it.
+#![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, require_target};
 use object::{Object, ObjectSymbol, SymbolKind};

@@ -1,4 +1,5 @@
 //! The figures of the QMD paper on the trials behind them, as a user reproduces them.
+#![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{bunraku, motion};
 use serde_json::Value;

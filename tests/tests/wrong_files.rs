@@ -1,4 +1,5 @@
 //! A wrong file gets one clear sentence, and leaves no output behind.
+#![allow(clippy::unwrap_used)]
 
 use bunraku_tests::bunraku;
 use encoder::sample;

@@ -6,4 +6,5 @@ pub mod encode;
 pub mod info;
 mod input;
 pub mod optimize;
+pub mod servos;
 pub mod table1;
