@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod files;
-mod qemu_log;
 pub mod puppet;
 pub mod qemu;
+mod qemu_log;
 pub mod servos;
