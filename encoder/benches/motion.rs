@@ -82,7 +82,7 @@ fn trials(folder: &Path) {
         });
         println!("forward kinematics, 31 joints     {:7.2} us a frame", seconds / frames * 1e6);
         let seconds = best(|| {
-            black_box(sensitivity(&clip.skeleton, &clip.motion, 1));
+            black_box(sensitivity(&clip.skeleton, &clip.motion));
         });
         println!("sensitivity                       {:7.2} us a frame", seconds / frames * 1e6);
         if let Ok(evaluator) = Evaluator::new(&clip.skeleton, &clip.motion) {
