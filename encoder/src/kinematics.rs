@@ -148,7 +148,7 @@ impl Kinematics {
 ///
 /// From the Jacobian: a joint at lever arm r from a rotation axis a moves by a × r for a radian. An error of
 /// `e` degrees in channel `c` alone moves the joints by about `e² · sensitivity[c]` cm² in all. Costs about
-/// as much as forward kinematics of the motion.
+/// twice as much as forward kinematics of the motion.
 ///
 /// # Panics
 /// If the motion has no frame or another number of channels than the skeleton.

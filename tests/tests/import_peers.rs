@@ -280,6 +280,7 @@ fn amc_matches_pyacclaim() {
     assert!(all_values < ALLOWED && all_cm < ALLOWED, "{all_values} {all_cm}");
 }
 
+/// bvhio reads doubles but computes in single precision, which is where joints differ.
 fn compare_with_bvhio(path: &Path) -> Option<(f64, f64)> {
     let clip = import::load(path, None, None).unwrap_or_else(|error| panic!("{error}"));
     let peer = Peer::run("import_bvhio.py", &[path], 1)?;
