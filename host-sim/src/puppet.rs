@@ -24,7 +24,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::I16F16;
 use encoder::skeleton::{ChannelKind, Skeleton};
 use firmware::dynamixel::table::POSITIONS_PER_TURN;
-use firmware::map::{Joint, JointMap, MAX_SERVOS};
+use firmware::map::{Joint, JointMap, MAX_SERVOS, bytes_len};
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -32,6 +32,15 @@ use toml::Spanned;
 
 /// The servos of this project's puppets, as the device gets them.
 pub type Map = JointMap<MAX_SERVOS>;
+
+/// A map as the bytes that a device parses.
+///
+/// # Errors
+/// None that a map of [`MAX_SERVOS`] can have.
+pub fn to_bytes(map: &Map) -> Result<Vec<u8>> {
+    let mut buffer = [0; bytes_len(MAX_SERVOS)];
+    Ok(map.to_bytes(&mut buffer)?.to_vec())
+}
 
 /// A puppet.toml whose keys and value types are right; [`Puppet::map`] checks what they say.
 #[derive(Debug)]
@@ -70,8 +79,9 @@ impl Puppet {
     /// # Errors
     /// A sentence that names the file, the line and the key.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = String::from_utf8(files::read(path)?)
-            .map_err(|error| anyhow!("{}: byte {}: not text", path.display(), error.utf8_error().valid_up_to()))?;
+        let text = String::from_utf8(files::read(path)?).map_err(|error| {
+            anyhow!("{}: byte {}: not text", path.display(), error.utf8_error().valid_up_to())
+        })?;
         Self::parse(path, text)
     }
 
@@ -118,15 +128,21 @@ impl Puppet {
             .with_context(|| self.path.display().to_string())
     }
 
+    /// [`map`](Self::map) as the bytes that a device parses.
+    ///
+    /// # Errors
+    /// As [`map`](Self::map).
+    pub fn map_bytes(&self, skeleton: &Skeleton) -> Result<Vec<u8>> {
+        to_bytes(&self.map(skeleton)?)
+    }
+
     fn joint(&self, entry: &Entry, skeleton: &Skeleton) -> Result<Joint> {
         let name = entry.channel.get_ref();
         let Some(channel) = skeleton.channel(name) else {
             return Err(self.wrong(&entry.channel, &no_channel(name, skeleton)));
         };
-        let turns = matches!(
-            skeleton.channels[channel].kind,
-            ChannelKind::Rx | ChannelKind::Ry | ChannelKind::Rz
-        );
+        let turns =
+            matches!(skeleton.channels[channel].kind, ChannelKind::Rx | ChannelKind::Ry | ChannelKind::Rz);
         let unit = if turns { "degree" } else { "cm" };
         let scale = match &entry.scale {
             Some(scale) => self.positive(scale, I16F16::MAX.to_num())?,
@@ -165,7 +181,8 @@ impl Puppet {
         let hz = f64::from(*self.file.servo_hz.get_ref());
         let step = self.positive(&entry.max_speed, f64::MAX)? * scale / hz;
         if step < 1.0 {
-            let why = format!("less than one goal unit in 1/{hz} s, expected at least {:.2} {unit}s/s", hz / scale);
+            let why =
+                format!("less than one goal unit in 1/{hz} s, expected at least {:.2} {unit}s/s", hz / scale);
             return Err(self.wrong(&entry.max_speed, &why));
         }
         let channel = u16::try_from(channel)
@@ -175,7 +192,15 @@ impl Puppet {
             return Err(self.wrong(&entry.name, "the scale is too small for a servo to move"));
         }
         let max_step = step.min(f64::from(POSITIONS_PER_TURN)) as i32;
-        Ok(Joint { channel, id: *entry.id.get_ref(), zero, scale, min: min as i32, max: max as i32, max_step })
+        Ok(Joint {
+            channel,
+            id: *entry.id.get_ref(),
+            zero,
+            scale,
+            min: min as i32,
+            max: max as i32,
+            max_step,
+        })
     }
 
     fn positive(&self, value: &Spanned<f64>, highest: f64) -> Result<f64> {
@@ -213,11 +238,16 @@ fn no_channel(name: &str, skeleton: &Skeleton) -> String {
         let channels: Vec<_> = skeleton.channels[joint.channels.clone()].iter().map(|c| &*c.name).collect();
         return match channels.is_empty() {
             true => format!("\"{name}\" is no channel: the skeleton's joint \"{joint_name}\" does not move"),
-            false => format!("\"{name}\" is no channel of the skeleton; its joint has {}", channels.join(", ")),
+            false => {
+                format!("\"{name}\" is no channel of the skeleton; its joint has {}", channels.join(", "))
+            }
         };
     }
-    let mut near: Vec<_> =
-        skeleton.channels.iter().map(|channel| (strsim::levenshtein(name, &channel.name), &channel.name)).collect();
+    let mut near: Vec<_> = skeleton
+        .channels
+        .iter()
+        .map(|channel| (strsim::levenshtein(name, &channel.name), &channel.name))
+        .collect();
     near.sort();
     let near: Vec<_> = near.iter().take(3).map(|(_, name)| name.as_str()).collect();
     format!("the skeleton has no joint \"{joint_name}\"; the nearest channels are {}", near.join(", "))

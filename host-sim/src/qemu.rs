@@ -107,7 +107,12 @@ pub fn run(
             bail!("{} did not end within {} s{}", image.path.display(), limit.as_secs(), after(&last_line));
         };
         if !status.success() {
-            bail!("{} ended with {status}{}{}", image.path.display(), after(&last_line), after(complaints.trim()));
+            bail!(
+                "{} ended with {status}{}{}",
+                image.path.display(),
+                after(&last_line),
+                after(complaints.trim())
+            );
         }
         served
     })

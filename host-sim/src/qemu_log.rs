@@ -22,14 +22,15 @@ impl Log {
     /// # Errors
     /// Where the bytes are no ELF file, or its defmt section is of an unknown version.
     pub fn new(elf: &[u8]) -> Result<Self> {
-        let kind = match Table::parse(elf).map_err(|error| anyhow!("not an image that can be run: {error:#}"))? {
-            None => Kind::Text,
-            Some(table) => {
-                // Places are known only where the image has debug info.
-                let locations = table.get_locations(elf).unwrap_or_default();
-                Kind::Defmt { table, locations }
-            }
-        };
+        let kind =
+            match Table::parse(elf).map_err(|error| anyhow!("not an image that can be run: {error:#}"))? {
+                None => Kind::Text,
+                Some(table) => {
+                    // Places are known only where the image has debug info.
+                    let locations = table.get_locations(elf).unwrap_or_default();
+                    Kind::Defmt { table, locations }
+                }
+            };
         Ok(Self { kind, pending: Vec::new() })
     }
 

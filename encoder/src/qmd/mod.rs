@@ -176,7 +176,8 @@ mod tests {
     use crate::metrics::Evaluator;
     use crate::{Clip as Motions, sample};
 
-    const METHODS: [Method; 3] = [Method::FAITHFUL, Method::Faithful { exponent: Some(2.0) }, Method::ClosedLoop];
+    const METHODS: [Method; 3] =
+        [Method::FAITHFUL, Method::Faithful { exponent: Some(2.0) }, Method::ClosedLoop];
 
     fn mean_joint_cm(clip: &Motions, bytes: &[u8]) -> f64 {
         let evaluator = Evaluator::new(&clip.skeleton, &clip.motion).unwrap();
@@ -256,9 +257,11 @@ mod tests {
         let mut turning = clip.clone();
         for frame in 0..turning.motion.frames() {
             let angle = 3.0 * frame as f64;
-            turning.motion.samples[frame * turning.motion.channels + channel] = (angle + 180.0) % 360.0 - 180.0;
+            turning.motion.samples[frame * turning.motion.channels + channel] =
+                (angle + 180.0) % 360.0 - 180.0;
         }
-        let error = mean_joint_cm(&turning, &encode(&turning, Parameters::TABLE_1, Method::ClosedLoop).unwrap());
+        let error =
+            mean_joint_cm(&turning, &encode(&turning, Parameters::TABLE_1, Method::ClosedLoop).unwrap());
         assert!(error < 0.1, "{error} cm");
     }
 
@@ -271,7 +274,10 @@ mod tests {
             encode(&clip, parameters, Method::ClosedLoop).unwrap_err().to_string()
         };
         assert_eq!(encode_with(|p| p.index_bits = 17), "index bits (b) are 17, expected 8 to 16");
-        assert!(encode_with(|p| p.fixed_channels = 999).starts_with("fixed channels (FDF) are 999, expected 0 to"));
+        assert!(
+            encode_with(|p| p.fixed_channels = 999)
+                .starts_with("fixed channels (FDF) are 999, expected 0 to")
+        );
         assert_eq!(encode_with(|p| p.segment_frames = 0), "a segment has 0 frames, expected at least 1");
 
         let refused = |change: fn(&mut Motion)| {

@@ -6,4 +6,6 @@ pub mod encode;
 pub mod info;
 mod input;
 pub mod optimize;
+pub mod play;
+pub mod qemu;
 pub mod table1;
