@@ -23,6 +23,7 @@ enum Command {
     Play(commands::play::Args),
     Qemu(commands::qemu::Args),
     Table1(commands::table1::Args),
+    Servos(commands::servos::Args),
 }
 
 /// Exit code of a check that failed, as against 2 for a usage error.
@@ -50,5 +51,6 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Play(args) => commands::play::run(args),
         Command::Qemu(args) => commands::qemu::run(args),
         Command::Table1(args) => commands::table1::run(args),
+        Command::Servos(args) => commands::servos::run(args),
     }
 }

@@ -47,6 +47,18 @@ pub fn motion() -> Option<PathBuf> {
     None
 }
 
+/// The command `bunraku`, as built next to the running test.
+///
+/// # Panics
+/// Where it was not built: cargo builds no other package's commands for a test.
+pub fn bunraku() -> Command {
+    let path = std::env::current_exe().ok().and_then(|test| Some(test.parent()?.parent()?.join("bunraku")));
+    match path {
+        Some(path) if path.is_file() => Command::new(path),
+        _ => panic!("bunraku is not built: cargo build --package host-sim, or run `cargo xtask test`"),
+    }
+}
+
 /// A Python with the packages of tests/peers/requirements.txt: `BUNRAKU_PEERS_PYTHON`, which
 /// `cargo xtask test` sets up.
 pub fn python() -> Option<PathBuf> {

@@ -111,7 +111,11 @@ impl<const N: usize> Framer<N> {
             return;
         }
         if self.start > 0 {
-            self.buffer.copy_within(self.start.min(self.end)..self.end, 0);
+            if let Some(used) = self.buffer.get_mut(..self.end)
+                && self.start <= used.len()
+            {
+                used.copy_within(self.start.., 0);
+            }
             self.end -= self.start;
             self.start = 0;
         }

@@ -8,4 +8,5 @@ mod input;
 pub mod optimize;
 pub mod play;
 pub mod qemu;
+pub mod servos;
 pub mod table1;
