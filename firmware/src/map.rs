@@ -19,6 +19,11 @@ const VERSION: u8 = 1;
 /// Most servos of the maps that this project's host and boards exchange (`N` of [`JointMap`]).
 pub const MAX_SERVOS: usize = 32;
 
+/// Bytes that a map of this many joints takes at most: a joint 29, the rest 10.
+pub const fn bytes_len(joints: usize) -> usize {
+    10 + 29 * joints
+}
+
 /// Goals stay within ± this many goal units, so that no sum of a zero and a scaled channel leaves an i32.
 pub const GOAL_LIMIT: i32 = (1 << 30) - 1;
 
@@ -139,8 +144,7 @@ impl<const N: usize> JointMap<N> {
         Self::new(wire.tick_hz, wire.baud, wire.joints)
     }
 
-    /// Writes the bytes of the map to the front of `buffer` and returns them. A joint takes at most 29 bytes, the
-    /// rest of the map at most 10.
+    /// Writes the bytes of the map to the front of `buffer` and returns them; [`bytes_len`] bytes are enough.
     ///
     /// # Errors
     /// [`MapError::BufferTooSmall`].
@@ -289,7 +293,7 @@ mod tests {
     #[test]
     fn bytes_give_the_map_back() {
         let map = map(&[ELBOW, Joint { id: 4, scale: I16F16::MIN, ..ELBOW }]).unwrap();
-        let mut buffer = [0; 10 + 2 * 29];
+        let mut buffer = [0; bytes_len(2)];
         assert_eq!(JointMap::<4>::parse(map.to_bytes(&mut buffer).unwrap()), Ok(map));
     }
 
@@ -305,7 +309,7 @@ mod tests {
             max_step: GOAL_LIMIT,
         };
         let map = JointMap::<4>::new(1000, u32::MAX, [far].into_iter().collect()).unwrap();
-        assert!(map.to_bytes(&mut [0; 10 + 29]).is_ok());
+        assert!(map.to_bytes(&mut [0; bytes_len(1)]).is_ok());
     }
 
     #[test]

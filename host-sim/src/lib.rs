@@ -1,7 +1,9 @@
 //! The parts of the command `bunraku` that tests and boards use as a library.
 #![forbid(unsafe_code)]
 
+pub mod board;
 pub mod files;
+pub mod play;
 pub mod puppet;
 pub mod qemu;
 mod qemu_log;

@@ -20,6 +20,8 @@ enum Command {
     Info(commands::info::Args),
     Compare(commands::compare::Args),
     Optimize(commands::optimize::Args),
+    Play(commands::play::Args),
+    Qemu(commands::qemu::Args),
     Table1(commands::table1::Args),
     Servos(commands::servos::Args),
 }
@@ -46,6 +48,8 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Info(args) => commands::info::run(args),
         Command::Compare(args) => commands::compare::run(args),
         Command::Optimize(args) => commands::optimize::run(args),
+        Command::Play(args) => commands::play::run(args),
+        Command::Qemu(args) => commands::qemu::run(args),
         Command::Table1(args) => commands::table1::run(args),
         Command::Servos(args) => commands::servos::run(args),
     }

@@ -24,7 +24,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::I16F16;
 use encoder::skeleton::{ChannelKind, Skeleton};
 use firmware::dynamixel::table::POSITIONS_PER_TURN;
-use firmware::map::{Joint, JointMap, MAX_SERVOS};
+use firmware::map::{Joint, JointMap, MAX_SERVOS, bytes_len};
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -32,6 +32,15 @@ use toml::Spanned;
 
 /// The servos of this project's puppets, as the device gets them.
 pub type Map = JointMap<MAX_SERVOS>;
+
+/// A map as the bytes that a device parses.
+///
+/// # Errors
+/// None that a map of [`MAX_SERVOS`] can have.
+pub fn to_bytes(map: &Map) -> Result<Vec<u8>> {
+    let mut buffer = [0; bytes_len(MAX_SERVOS)];
+    Ok(map.to_bytes(&mut buffer)?.to_vec())
+}
 
 /// A puppet.toml whose keys and value types are right; [`Puppet::map`] checks what they say.
 #[derive(Debug)]
@@ -117,6 +126,14 @@ impl Puppet {
         }
         JointMap::new(*self.file.servo_hz.get_ref(), *self.file.baud.get_ref(), joints)
             .with_context(|| self.path.display().to_string())
+    }
+
+    /// [`map`](Self::map) as the bytes that a device parses.
+    ///
+    /// # Errors
+    /// As [`map`](Self::map).
+    pub fn map_bytes(&self, skeleton: &Skeleton) -> Result<Vec<u8>> {
+        to_bytes(&self.map(skeleton)?)
     }
 
     fn joint(&self, entry: &Entry, skeleton: &Skeleton) -> Result<Joint> {

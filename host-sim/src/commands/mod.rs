@@ -6,5 +6,7 @@ pub mod encode;
 pub mod info;
 mod input;
 pub mod optimize;
+pub mod play;
+pub mod qemu;
 pub mod servos;
 pub mod table1;

@@ -1,0 +1,115 @@
+//! `bunraku play`: a clip on a puppet of virtual servos.
+
+use anyhow::{Context, Result, anyhow, bail};
+use clap::ValueEnum;
+use decoder_core::Limits;
+use decoder_core::qmd::Clip;
+use host_sim::files;
+use host_sim::play::{self, Recording, seconds};
+use host_sim::puppet::Puppet;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Play a clip on the virtual servos of a puppet, and log every goal position that they are told.
+///
+/// On the host, the firmware's player runs in this program; on qemu, it runs on a simulated Cortex-M4 board, whose
+/// image is built for the clip and the puppet. Both logs are the same.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example:\n  bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on qemu --log walk.csv"
+)]
+pub struct Args {
+    /// The clip: .qmd.
+    clip: PathBuf,
+    /// The puppet: which servo follows which channel.
+    #[arg(long, value_name = "PUPPET.toml")]
+    puppet: PathBuf,
+    /// Where the player runs.
+    #[arg(long, value_enum, default_value_t = On::Host)]
+    on: On,
+    /// The skeleton whose channels the clip has (.asf, .bvh), instead of the one that the puppet names.
+    #[arg(long, value_name = "S.asf")]
+    skeleton: Option<PathBuf>,
+    /// Where the log goes: time in seconds, servo id, goal position (4096 a turn).
+    #[arg(long, value_name = "OUT.csv")]
+    log: Option<PathBuf>,
+    /// Frames per second to play at, instead of the clip's own rate.
+    #[arg(long, value_name = "F")]
+    fps: Option<f64>,
+    /// Report as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+enum On {
+    /// In this program.
+    Host,
+    /// On QEMU's mps2-an386, a Cortex-M4.
+    Qemu,
+}
+
+pub fn run(args: Args) -> Result<ExitCode> {
+    let bytes = files::read(&args.clip)?;
+    let name = args.clip.display();
+    let clip = Clip::parse(&bytes, Limits::MAX).with_context(|| format!("{name} is not a QMD clip"))?;
+    let centihertz = args.fps.map_or(Ok(0), centihertz)?;
+    if centihertz == 0 && clip.rate_centihertz() == 0 {
+        bail!("{name} does not say its frame rate: give one with --fps");
+    }
+    let puppet = Puppet::read(&args.puppet)?;
+    let skeleton = args.skeleton.or_else(|| puppet.skeleton()).ok_or_else(|| {
+        anyhow!("{} names no skeleton, expected the key \"skeleton\" or --skeleton", args.puppet.display())
+    })?;
+    let skeleton = encoder::import::load_skeleton(&skeleton)?;
+    let (found, expected) = (clip.channels(), skeleton.channels.len());
+    if found != expected {
+        bail!("{name} has {found} channels, expected {expected} as in the skeleton");
+    }
+    let map = puppet.map(&skeleton)?;
+
+    let recording = match args.on {
+        On::Host => play::on_host(&clip, &map, centihertz),
+        On::Qemu => play::on_qemu(&bytes, &map, centihertz, &mut |line| eprintln!("{line}")),
+    };
+    let recording = recording.with_context(|| format!("cannot play {name}"))?;
+    if let Some(log) = &args.log {
+        write(log, &recording)?;
+    }
+    let servos = map.joints().len();
+    let duration = map.tick_micros(recording.ticks);
+    if args.json {
+        let report = serde_json::json!({
+            "on": args.on, "ticks": recording.ticks, "servos": servos, "servo_hz": map.tick_hz(),
+            "seconds": duration as f64 / 1e6, "goals": recording.goals.len(), "log": args.log,
+        });
+        println!("{report:#}");
+    } else {
+        println!(
+            "{name}: {} ticks at {} Hz on {servos} servos, {} s",
+            recording.ticks,
+            map.tick_hz(),
+            seconds(duration)
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn centihertz(fps: f64) -> Result<u16> {
+    let rate = (fps * 100.0).round();
+    if !(1.0..=f64::from(u16::MAX)).contains(&rate) {
+        bail!("--fps is {fps}, expected 0.01 to 655.35");
+    }
+    Ok(rate as u16)
+}
+
+fn write(path: &Path, recording: &Recording) -> Result<()> {
+    files::write(path, |file| {
+        writeln!(file, "time_s,servo,goal_position")?;
+        for goal in &recording.goals {
+            writeln!(file, "{},{},{}", seconds(goal.time_us), goal.id, goal.position)?;
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,199 @@
+//! Plays a clip on virtual servos and records what they are told: by the firmware library right here, or by the
+//! same library on a board under QEMU.
+
+use crate::board;
+use crate::puppet::Map;
+use crate::qemu;
+use crate::servos::{Bus, BusConfig, Event, ServoConfig};
+use anyhow::{Context, Result, anyhow, bail};
+use decoder_core::qmd::Clip;
+use decoder_core::{I16F16, Limits};
+use embedded_io_async::{ErrorType, Write};
+use firmware::drive::{buffer_len, drive};
+use firmware::dynamixel::table::GOAL_POSITION;
+use firmware::dynamixel::{Framer, Instruction, Packet};
+use firmware::map::MAX_SERVOS;
+use firmware::player::{Player, Repeat};
+use std::convert::Infallible;
+use std::future::Future;
+use std::pin::pin;
+use std::task::{Context as TaskContext, Poll, Waker};
+use std::time::Duration;
+
+/// A goal position that a servo took.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Taken {
+    /// The tick's time in microseconds: its number times the tick's period, rounded down.
+    pub time_us: u64,
+    /// The servo.
+    pub id: u8,
+    /// The goal position.
+    pub position: i32,
+}
+
+/// What the servos were told, in order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Recording {
+    /// Ticks played.
+    pub ticks: u32,
+    /// Every goal of every servo.
+    pub goals: Vec<Taken>,
+}
+
+/// Plays on this machine, as fast as it goes.
+///
+/// `centihertz` is the rate to play at, in hundredths of a hertz, or 0 for the clip's own.
+///
+/// # Errors
+/// Where clip and map do not fit together, or a servo refuses a goal.
+pub fn on_host(clip: &Clip<'_>, map: &Map, centihertz: u16) -> Result<Recording> {
+    let mut pose = vec![I16F16::ZERO; clip.channels()];
+    let mut table = vec![0; clip.table_len()];
+    let decoder = clip.decoder(&mut pose, Some(&mut table))?;
+    let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
+    let mut player = Player::new(decoder, rate, map, Repeat::Once)?;
+    let mut recorder = Recorder::new(map)?;
+    let mut buffer = [0; buffer_len(MAX_SERVOS)];
+    let ticks = now(drive(&mut player, &mut recorder, &mut buffer, async |_| {}))?;
+    recorder.finish(Some(ticks))
+}
+
+/// Builds the image of the board `qemu-mps2` with this clip and map, and plays it under QEMU.
+///
+/// `bytes` are the clip's. `log` gets the lines that the board logs.
+///
+/// # Errors
+/// As [`on_host`], where the image cannot be built, and where the board does not come to the end of the clip.
+pub fn on_qemu(bytes: &[u8], map: &Map, centihertz: u16, log: &mut dyn FnMut(&str)) -> Result<Recording> {
+    let clip = Clip::parse(bytes, Limits::MAX)?;
+    let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
+    let path = folder.path().join("bunraku-board");
+    board::build(bytes, map, centihertz, &path)?;
+    let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
+    let mut recorder = Recorder::new(map)?;
+    let image = qemu::Image { path: &path, machine: board::MACHINE, arguments: &[] };
+    let mut device = |bytes: &[u8]| recorder.receive(bytes);
+    qemu::run(&image, Some(&mut device), limit(clip.frames(), rate), log)?;
+    recorder.finish(None)
+}
+
+/// How long QEMU may take: simulated seconds took half a second each where this was measured.
+fn limit(frames: u32, centihertz: u16) -> Duration {
+    let seconds = u64::from(frames) * 100 / u64::from(centihertz.max(1));
+    Duration::from_secs(60 + 10 * seconds)
+}
+
+/// Runs a future that never has to wait.
+fn now<T, E: std::error::Error + Send + Sync + 'static>(
+    future: impl Future<Output = Result<T, E>>,
+) -> Result<T> {
+    match pin!(future).poll(&mut TaskContext::from_waker(Waker::noop())) {
+        Poll::Ready(result) => Ok(result?),
+        Poll::Pending => Err(anyhow!("a virtual servo made the player wait")),
+    }
+}
+
+/// Virtual servos on a line where each packet of goal positions is one tick, whenever it arrives.
+struct Recorder<'m> {
+    map: &'m Map,
+    servos: Bus,
+    framer: Framer<{ buffer_len(MAX_SERVOS) }>,
+    /// The bytes of the packet that is not yet whole.
+    packet: Vec<u8>,
+    recording: Recording,
+    /// What went wrong first.
+    fault: Option<String>,
+}
+
+impl<'m> Recorder<'m> {
+    /// A servo for every joint, at the joint's zero.
+    fn new(map: &'m Map) -> Result<Self> {
+        let servos = map
+            .joints()
+            .iter()
+            .map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
+        let config = BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) };
+        Ok(Self {
+            map,
+            servos: Bus::new(&config)?,
+            framer: Framer::new(),
+            packet: Vec::new(),
+            recording: Recording::default(),
+            fault: None,
+        })
+    }
+
+    /// Takes bytes off the line and gives what the servos answer.
+    fn receive(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut answers = Vec::new();
+        for byte in bytes {
+            self.packet.push(*byte);
+            let tick = match self.framer.feed(&mut std::slice::from_ref(byte)) {
+                None => continue,
+                Some(Ok(packet)) => is_tick(&packet),
+                Some(Err(error)) => {
+                    self.fault.get_or_insert_with(|| format!("noise on the servo bus: {error}"));
+                    false
+                }
+            };
+            answers.extend(self.pass_on());
+            self.recording.ticks += u32::from(tick);
+        }
+        answers
+    }
+
+    /// Gives the servos the packet.
+    fn pass_on(&mut self) -> Vec<u8> {
+        let Self { map, servos, packet, recording, fault, .. } = self;
+        let time_us = map.tick_micros(recording.ticks);
+        let mut tap = |event| match event {
+            Event::Goal { id, position, .. } => recording.goals.push(Taken { time_us, id, position }),
+            Event::Refused { id, error, .. } => {
+                fault.get_or_insert_with(|| {
+                    format!("servo {id} refused what it was told at {} s: {error:?}", seconds(time_us))
+                });
+            }
+        };
+        let answers = servos.receive(packet, time_us, &mut tap);
+        packet.clear();
+        answers
+    }
+
+    /// What was recorded, if `ticks`, where the number is known, arrived whole.
+    fn finish(self, ticks: Option<u32>) -> Result<Recording> {
+        if let Some(fault) = self.fault {
+            bail!(fault);
+        }
+        let (found, goals) = (self.recording.ticks, self.recording.goals.len());
+        let expected = found as usize * self.map.joints().len();
+        if goals != expected || !self.packet.is_empty() || ticks.is_some_and(|ticks| ticks != found) {
+            bail!("the servos took {goals} goals in {found} ticks, expected {expected}");
+        }
+        Ok(self.recording)
+    }
+}
+
+impl ErrorType for Recorder<'_> {
+    type Error = Infallible;
+}
+
+impl Write for Recorder<'_> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        self.receive(bytes);
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+fn is_tick(packet: &Packet<'_>) -> bool {
+    packet.instruction == Instruction::SyncWrite as u8
+        && packet.parameters.starts_with(&GOAL_POSITION.address.to_le_bytes())
+}
+
+/// Microseconds as seconds, with all six decimals.
+pub fn seconds(micros: u64) -> String {
+    format!("{}.{:06}", micros / 1_000_000, micros % 1_000_000)
+}
