@@ -211,3 +211,118 @@ impl Evaluator {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::Clip;
+    use crate::sample;
+
+    fn changed(channel: &str, by: impl Fn(usize) -> f64) -> (Clip, Motion) {
+        let clip = sample::clip();
+        let mut motion = clip.motion.clone();
+        let channel = clip.skeleton.channel(channel).expect("a channel of the puppet");
+        for (frame, pose) in motion.samples.chunks_exact_mut(motion.channels).enumerate() {
+            pose[channel] += by(frame);
+        }
+        (clip, motion)
+    }
+
+    fn report(channel: &str, by: impl Fn(usize) -> f64) -> Report {
+        let (clip, motion) = changed(channel, by);
+        compare(&clip.skeleton, &clip.motion, &motion, 1000).expect("motions of one shape")
+    }
+
+    fn assert_near(a: f64, b: f64) {
+        assert!((a - b).abs() < 1e-9 * b.abs().max(1.0), "{a}, expected {b}");
+    }
+
+    #[test]
+    fn a_shifted_root_shifts_all_joints() {
+        // 2 cm in all frames, and 5 in one.
+        let report = report("root.tx", |frame| if frame == 17 { -5.0 } else { 2.0 });
+        let mean = (479.0 * 2.0 + 5.0) / 480.0;
+        assert_near(report.mean_joint_cm, mean);
+        assert_near(report.def_sum_cm, 19.0 * mean);
+        assert_near(report.max_joint_cm, 5.0);
+        assert_near(report.frame_max_cm[17], 5.0);
+        assert_near(report.frame_max_cm[18], 2.0);
+        assert_eq!((report.rms_deg, report.psnr_db), (0.0, None));
+        assert_eq!((report.frames, report.channels, report.fps, report.bytes), (480, 31, 60.0, 1000));
+        assert_near(report.ratio_f32, 480.0 * 31.0 * 4.0 / 1000.0);
+    }
+
+    #[test]
+    fn a_turned_elbow_moves_what_hangs_on_it() {
+        let report = report("lradius.rx", |_| 1.0);
+        // The elbow's axis is tilted by 10 degrees against the plane across the forearm.
+        let arc = 2.0 * 0.5_f64.to_radians().sin() * 10_f64.to_radians().cos();
+        let worst: Vec<(&str, f64)> =
+            report.worst_joints.iter().map(|joint| (joint.name.as_str(), joint.mean_cm)).collect();
+        assert_eq!((worst[0].0, worst[1].0), ("lhand", "lradius"));
+        assert_near(worst[1].1, 9.0 * arc);
+        assert!(worst[0].1 > worst[1].1 && worst[0].1 <= 13.0 * arc);
+        assert!(worst[2].1 < 1e-12);
+        // One of 28 rotation channels (31 less the root's 3 translations) is off by 1 degree.
+        assert_near(report.rms_deg, (1.0_f64 / 28.0).sqrt());
+    }
+
+    #[test]
+    fn peak_signal_to_noise_ratio_is_of_all_rotations_together() {
+        let (clip, _) = changed("root.tx", |_| 0.0);
+        let ranges =
+            clip.skeleton.rotation_channels().into_iter().enumerate().filter(|(_, rotation)| *rotation);
+        let squares: f64 = ranges
+            .map(|(channel, _)| {
+                let mut column: Vec<f64> = clip.motion.iter().map(|pose| pose[channel]).collect();
+                column.sort_by(f64::total_cmp);
+                (column[479] - column[0]).powi(2)
+            })
+            .sum();
+        let report = report("head.ry", |frame| if frame % 2 == 0 { 0.5 } else { -0.5 });
+        assert_near(report.psnr_db.expect("an error"), 10.0 * (squares / 0.25).log10());
+    }
+
+    #[test]
+    fn whole_turns_are_no_error() {
+        let report = report("root.ry", |frame| 360.0 * (frame % 3) as f64);
+        assert!(report.rms_deg < 1e-9 && report.max_joint_cm < 1e-9, "{report:?}");
+    }
+
+    #[test]
+    fn evaluator_gives_the_same_mean() {
+        let (clip, motion) = changed("spine.rx", |frame| (frame % 7) as f64);
+        let evaluator = Evaluator::new(&clip.skeleton, &clip.motion).expect("a motion of the skeleton");
+        let report = compare(&clip.skeleton, &clip.motion, &motion, 1).expect("motions of one shape");
+        assert_near(evaluator.mean_joint_cm(&motion.samples), report.mean_joint_cm);
+        assert_eq!(evaluator.joints(), 19);
+    }
+
+    #[test]
+    fn shapes_must_match() {
+        let clip = sample::clip();
+        let mut short = clip.motion.clone();
+        short.samples.truncate(479 * 31);
+        let error = compare(&clip.skeleton, &clip.motion, &short, 1).expect_err("a frame less");
+        assert_eq!(error.to_string(), "the decoded motion has 479 frames, expected 480 as in the reference");
+        let narrow = Motion { channels: 30, ..clip.motion.clone() };
+        let error = compare(&clip.skeleton, &narrow, &clip.motion, 1).expect_err("a channel less");
+        assert_eq!(error.to_string(), "the reference has 30 channels, expected 31 as in the skeleton");
+        let error = compare(&clip.skeleton, &clip.motion, &narrow, 1).expect_err("a channel less");
+        assert_eq!(error.to_string(), "the decoded motion has 30 channels, expected 31 as in the reference");
+        let empty = Motion { samples: Vec::new(), ..clip.motion };
+        assert_eq!(compare(&clip.skeleton, &empty, &empty, 1), Err(CompareError::Empty));
+    }
+
+    #[test]
+    fn json_has_the_keys_that_the_command_promises() {
+        let json = serde_json::to_value(report("root.tx", |_| 0.0)).expect("a report");
+        for key in
+            ["frames", "channels", "fps", "bytes", "ratio_f32", "def_sum_cm", "mean_joint_cm", "max_joint_cm"]
+        {
+            assert!(json[key].is_number(), "{key}");
+        }
+        assert!(json["rms_deg"].is_number() && json["psnr_db"].is_null());
+        assert_eq!(json["worst_joints"].as_array().map(Vec::len), Some(19));
+    }
+}

@@ -1,4 +1,5 @@
 //! Golden vectors: the same frames as a reference decoder that was written in Python from docs/FORMAT.md alone.
+#![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{skip, vectors};
 use decoder_core::qmd::{Clip, Stream};

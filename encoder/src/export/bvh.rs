@@ -21,16 +21,18 @@ use crate::{Motion, Skeleton};
 /// `End Site` is fixed), an output that fails.
 pub fn write(out: &mut impl Write, skeleton: &Skeleton, motion: &Motion) -> Result<(), ExportError> {
     check_channels(skeleton, motion)?;
+    let children = children(skeleton);
     let nodes: Vec<Node> = match skeleton.origin {
         Origin::Bvh { cm_per_unit } => {
             (0..skeleton.joints.len()).map(|joint| Node::direct(skeleton, joint, cm_per_unit)).collect()
         }
         Origin::Asf { .. } => {
-            let nodes = (0..skeleton.joints.len()).map(|joint| Node::converted(skeleton, joint));
+            let nodes = (0..skeleton.joints.len())
+                .map(|joint| Node::converted(skeleton, joint, children[joint].is_empty()));
             nodes.collect::<Result<_, _>>()?
         }
     };
-    let mut hierarchy = Hierarchy { skeleton, nodes: &nodes, children: children(skeleton) };
+    let mut hierarchy = Hierarchy { skeleton, nodes: &nodes, children };
     hierarchy.write(out)?;
     writeln!(out, "MOTION\nFrames: {}", motion.frames())?;
     write!(out, "Frame Time: ")?;
@@ -89,9 +91,8 @@ impl Node {
         }
     }
 
-    fn converted(skeleton: &Skeleton, index: usize) -> Result<Self, ExportError> {
+    fn converted(skeleton: &Skeleton, index: usize, leaf: bool) -> Result<Self, ExportError> {
         let joint = &skeleton.joints[index];
-        let leaf = skeleton.joints.iter().all(|other| other.parent != Some(index));
         if leaf && length_channel(skeleton, joint).is_some() {
             return Err(ExportError::Unsupported {
                 format: "BVH",
@@ -234,5 +235,74 @@ impl Hierarchy<'_> {
             write_number(out, part)?;
         }
         out.write_all(b"\n")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::asf::tests::ODD;
+    use crate::import::{asf, bvh};
+    use crate::kinematics::Kinematics;
+
+    fn written(skeleton: &Skeleton, motion: &Motion) -> Result<(Skeleton, Motion), ExportError> {
+        let mut out = Vec::new();
+        write(&mut out, skeleton, motion)?;
+        Ok(bvh::parse(&out, "x.bvh", 1.0, None).unwrap_or_else(|error| panic!("{error}")))
+    }
+
+    #[test]
+    fn a_bvh_skeleton_comes_back_as_it_was() {
+        let text = "HIERARCHY\nROOT a:b c\n{\nOFFSET 0 0 -2.5\nCHANNELS 3 Zrotation Yposition Xposition\nJOINT d\n{\n\
+            OFFSET 1 2 3\nCHANNELS 0\nJOINT e\n{\nOFFSET 4 5 6\nCHANNELS 2 Yrotation Xrotation\nEnd Site\n{\nOFFSET 7 \
+            8 9\n}\n}\n}\nJOINT f\n{\nOFFSET 1 1 1\nCHANNELS 1 Xrotation\n}\n}\nMOTION\nFrames: 2\nFrame Time: \
+            0.0416667\n1 2.25 3 4 5 6\n7 8 9 10 11 -12.125\n";
+        for cm_per_unit in [1.0, 2.54] {
+            let (skeleton, motion) = bvh::parse(text.as_bytes(), "x.bvh", cm_per_unit, None).expect("a clip");
+            let mut out = Vec::new();
+            write(&mut out, &skeleton, &motion).expect("a Vec takes it");
+            let (skeleton_again, motion_again) =
+                bvh::parse(&out, "y.bvh", cm_per_unit, None).expect("a clip");
+            assert_eq!((skeleton_again, motion_again), (skeleton, motion));
+        }
+    }
+
+    #[test]
+    fn an_asf_skeleton_keeps_its_positions() {
+        // With a lengthening bone in the middle, translations below and every order of axes.
+        let text =
+            ODD.replace("dof tz rx l ry", "dof tz rx ry").replace("(-0.5 0.5) (-inf inf)", "(-0.5 0.5)");
+        let skeleton = asf::parse(text.as_bytes(), "odd.asf").expect("a skeleton");
+        let channels = skeleton.channels.len();
+        let samples = (0..20 * channels).map(|index| ((index * 101) % 173) as f64 - 80.0).collect();
+        let motion = Motion { fps: 24.0, channels, samples };
+        let (bvh_skeleton, bvh_motion) = written(&skeleton, &motion).expect("a Vec takes it");
+        assert_eq!((bvh_motion.fps, bvh_motion.frames()), (24.0, 20));
+        let mut asf = Kinematics::new(&skeleton);
+        let mut bvh = Kinematics::new(&bvh_skeleton);
+        let (asf_at, bvh_at) = (asf.all_positions(&motion), bvh.all_positions(&bvh_motion));
+        let at = |name: &str| bvh_skeleton.joints.iter().position(|joint| joint.name == name).expect(name);
+        // A bone's end is where the next one starts, but for its translation, so the tip's end is compared.
+        for (bone, end) in [("root", "root"), ("stiff", "stiff.end"), ("tip", "tip.end")] {
+            let bone = skeleton.joints.iter().position(|joint| joint.name == bone).expect(bone);
+            for frame in 0..20 {
+                let (a, b) = (asf_at[frame * asf.joints() + bone], bvh_at[frame * bvh.joints() + at(end)]);
+                for k in 0..3 {
+                    assert!((a[k] - b[k]).abs() < 1e-4, "{end} in frame {frame}: {a:?} {b:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_lengthening_leaf_is_refused() {
+        let skeleton = asf::parse(ODD.as_bytes(), "odd.asf").expect("a skeleton");
+        let channels = skeleton.channels.len();
+        let error = written(&skeleton, &Motion { fps: 1.0, channels, samples: vec![0.0; channels] });
+        assert_eq!(
+            error.expect_err("a leaf with `l`").to_string(),
+            "BVH cannot hold bone `tip`, which ends the skeleton and changes its length, expected bones of a \
+             fixed length there"
+        );
     }
 }

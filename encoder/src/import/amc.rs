@@ -207,3 +207,79 @@ impl<'a> Frames<'a> {
         lexer.error_found(format!("the end of frame {}", self.count), format!("bone `{missing}` in it"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::asf::tests::odd_skeleton;
+
+    const FRAMES: &str = "# a comment
+:FULLY-SPECIFIED
+:SAMPLES-PER-SECOND 50 # a rate
+7 # the first frame
+base 0.5
+tip 1 0.25 2 -.5
+root 0.1 2 0.2 1 0.3 3.64024e-015
+8
+root -0.1 2 0.2 1 0.3 0
+base 0
+tip 0 0 0 1e-1
+";
+
+    fn parse(text: &str) -> Result<Motion, ImportError> {
+        super::parse(text.as_bytes(), "x.amc", &odd_skeleton(), None)
+    }
+
+    #[test]
+    fn bones_in_any_order_with_the_units_of_the_skeleton() {
+        let motion = parse(FRAMES).expect("two frames");
+        assert_eq!(motion, parse(&FRAMES.replace('\n', "\r\n")).expect("two frames"));
+        assert_eq!((motion.fps, motion.channels, motion.frames()), (50.0, 11, 2));
+        let (degree, cm) = (1_f64.to_degrees(), 2.54 / 0.45);
+        let root = [0.1 * degree, 2.0 * cm, 0.2 * degree, cm, 0.3 * degree, 3.64024e-15 * cm];
+        assert_eq!(motion.frame(0)[..6], root);
+        assert_eq!(motion.frame(0)[6..], [cm, 0.25 * degree, 2.0 * cm, -0.5 * degree, 0.5 * cm]);
+        assert_eq!(motion.frame(1)[9], 0.1 * degree);
+    }
+
+    #[test]
+    fn header_and_caller_overrule_unit_and_rate() {
+        let degrees = FRAMES.replace(":FULLY-SPECIFIED", ":FULLY-SPECIFIED\n:degrees");
+        assert_eq!(parse(&degrees).expect("two frames").frame(0)[0], 0.1);
+        let motion = super::parse(FRAMES.as_bytes(), "x.amc", &odd_skeleton(), Some(24.0));
+        assert_eq!(motion.expect("two frames").fps, 24.0);
+        let silent = FRAMES.replace(":SAMPLES-PER-SECOND", ":SOMETHING-ELSE");
+        assert_eq!(parse(&silent).expect("two frames").fps, DEFAULT_FPS);
+    }
+
+    #[test]
+    fn errors_name_line_found_and_expected() {
+        for (from, to, message) in [
+            ("base 0.5\n", "", "x.amc, line 7: found the end of frame 1, expected bone `base` in it"),
+            (
+                "base 0\n",
+                "base 0\nbase 0\n",
+                "x.amc, line 11: found bone `base` for the second time, expected",
+            ),
+            ("tip 1 0.25", "tap 1 0.25", "x.amc, line 6: found `tap`, expected a bone of the skeleton"),
+            ("2 -.5", "2", "line 6: found the end of the line, expected a number for `tip.ry` (4 numbers)"),
+            ("2 -.5", "2 -.5 8", "line 6: found `8`, expected the end of the line"),
+            ("\n8\n", "\n9\n", "x.amc, line 8: found `9`, expected frame number 8"),
+            ("0.25", "nan", "x.amc, line 6: found `nan`, expected a number for `tip.rx`"),
+            ("0.25", "1e308", "x.amc, line 6: found 1e308, expected a number that a scale does not overflow"),
+            (
+                "7 # the first frame",
+                "",
+                "x.amc, line 5: found `base`, expected the number of the first frame",
+            ),
+            ("50", "0", "x.amc, line 3: found a frame rate of 0, expected more than 0 frames per second"),
+        ] {
+            let bad = FRAMES.replacen(from, to, 1);
+            assert_ne!(bad, FRAMES, "{from}");
+            let error = parse(&bad).expect_err(to).to_string();
+            assert!(error.contains(message), "{to}: {error}");
+        }
+        let error = parse(":FULLY-SPECIFIED\n").expect_err("no frame").to_string();
+        assert_eq!(error, "x.amc, line 2: found the end of the file, expected a frame");
+    }
+}

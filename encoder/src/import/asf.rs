@@ -4,7 +4,7 @@
 //! `order` and `dof` give the order of the values in AMC files and that of the rotations, the first being
 //! applied first, about fixed axes; `axis` x y z ORDER is the bone's rest orientation, likewise.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::ImportError;
 use super::text::{self, Lexer, quote};
@@ -35,7 +35,7 @@ struct Sections {
     units: Units,
     root: Option<Bone>,
     bones: Vec<Bone>,
-    /// Parent and child by index, 0 being the root, and the line.
+    /// Children of each bone: 0 is the root, 1 the first of `bones`.
     children: Vec<Vec<usize>>,
 }
 
@@ -176,7 +176,7 @@ impl Sections {
         match reached.iter().position(|reached| !reached) {
             None => Ok(order),
             Some(lost) => Err(lexer.error_found(
-                format!("bone {}, which the root does not lead to,", quote(self.bones[lost].name.as_bytes())),
+                format!("bone {}, which the root does not lead to", quote(self.bones[lost].name.as_bytes())),
                 "every bone below the root in `:hierarchy`".to_string(),
             )),
         }
@@ -274,11 +274,12 @@ fn read_root(lexer: &mut Lexer) -> Result<Bone, ImportError> {
 }
 
 fn read_bones(lexer: &mut Lexer) -> Result<Vec<Bone>, ImportError> {
-    let mut bones: Vec<Bone> = Vec::new();
+    let mut bones = Vec::new();
+    let mut names = HashSet::from(["root".to_string()]);
     while !at_section_end(lexer) {
         lexer.expect("begin")?;
         let bone = read_bone(lexer)?;
-        if bone.name == "root" || bones.iter().any(|other| other.name == bone.name) {
+        if !names.insert(bone.name.clone()) {
             return Err(lexer.error_found(
                 format!("a second bone {}", quote(bone.name.as_bytes())),
                 "names that differ".to_string(),
@@ -405,4 +406,128 @@ fn read_limits(lexer: &mut Lexer, count: usize) -> Result<Vec<(f64, f64)>, Impor
         lexer.take_word();
     }
     Ok(numbers.chunks_exact(2).map(|pair| (pair[0].min(pair[1]), pair[0].max(pair[1]))).collect())
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A skeleton that uses what CMU's files do not.
+    pub(crate) const ODD: &str = "# made for tests
+:version 1.10
+:name odd
+:units
+  mass 2
+  length 0.45
+  angle rad
+:documentation
+  any text, :even this
+
+:root # a comment
+  axis ZXY
+  order RZ TY RX TX RY TZ
+  position 1 -2 3.5e0
+  orientation .1 -0.2 0.3
+:bonedata
+  begin
+    id 7
+    name tip
+    direction 0 0 1
+    length 2
+    axis 0.5 0 -0.25 YZX
+    dof tz rx l ry
+    limits (-1, 1)
+           (-0.5 0.5) (-inf inf)
+           (2, -inf
+           )
+    bodymass 3
+    cofmass 0.5
+  end
+  begin
+    name base
+    direction 0.6 0.8 0
+    length 10
+    axis 0 1 0 zyx
+    dof L
+  end
+  begin
+    id 2
+    name stiff
+    direction -1 0 0
+    length 4
+  end
+:hierarchy
+  begin
+    root stiff base
+    base tip
+  end
+:skin nothing
+";
+
+    /// The whole of it, parsed.
+    pub(crate) fn odd_skeleton() -> Skeleton {
+        let skeleton = parse(ODD.as_bytes(), "odd.asf").expect("a skeleton");
+        let with_crlf = parse(ODD.replace('\n', "\r\n").as_bytes(), "odd.asf").expect("a skeleton");
+        assert_eq!(skeleton, with_crlf);
+        skeleton
+    }
+
+    #[test]
+    fn units_orders_and_hierarchy() {
+        let skeleton = odd_skeleton();
+        let names: Vec<&str> = skeleton.joints.iter().map(|joint| joint.name.as_str()).collect();
+        assert_eq!(names, ["root", "stiff", "base", "tip"]);
+        let levels: Vec<u8> = skeleton.joints.iter().map(|joint| joint.level).collect();
+        assert_eq!(levels, [1, 1, 2, 3]);
+        let channels: Vec<&str> = skeleton.channels.iter().map(|channel| channel.name.as_str()).collect();
+        let root = ["root.rz", "root.ty", "root.rx", "root.tx", "root.ry", "root.tz"];
+        assert_eq!(channels, [root.as_slice(), &["tip.tz", "tip.rx", "tip.l", "tip.ry", "base.l"]].concat());
+        // The first rotation is applied first: it is the last factor.
+        assert_eq!(skeleton.joints[0].rotations, [4, 2, 0]);
+        assert_eq!(skeleton.joints[3].rotations, [9, 7]);
+        let unit = 2.54 / 0.45;
+        assert_eq!(skeleton.joints[0].offset, [unit, -2.0 * unit, 3.5 * unit]);
+        assert_eq!(skeleton.joints[3].offset, skeleton.joints[2].tail);
+        assert!((skeleton.joints[2].tail[1] - 8.0 * unit).abs() < 1e-12);
+        assert_eq!(skeleton.channels[6].limits, Some((-unit, unit)));
+        assert_eq!(skeleton.channels[7].limits, Some((-(0.5_f64.to_degrees()), 0.5_f64.to_degrees())));
+        assert_eq!(skeleton.channels[8].limits, None);
+        assert_eq!(skeleton.channels[9].limits, Some((f64::NEG_INFINITY, 2_f64.to_degrees())));
+        assert_eq!(skeleton.origin, Origin::Asf { cm_per_unit: unit, radians: true });
+    }
+
+    #[test]
+    fn rest_orientation_applies_the_first_letter_first() {
+        let skeleton = odd_skeleton();
+        let [x, z] = [0.5_f64, -0.25].map(f64::to_degrees);
+        // YZX with y = 0: z first, then x.
+        let expected = angles::multiply(&angles::rotation(0, x), &angles::rotation(2, z));
+        for (a, b) in skeleton.joints[3].axis.as_flattened().iter().zip(expected.as_flattened()) {
+            assert!((a - b).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn errors_name_line_found_and_expected() {
+        let good = ODD;
+        for (from, to, message) in [
+            ("length 10", "length ten", "x.asf, line 34: found `ten`, expected the bone's length"),
+            ("axis ZXY", "axis ZZY", "x.asf, line 12: found `ZZY`, expected an order of axes such as `XYZ`"),
+            ("angle rad", "angle grad", "x.asf, line 7: found `grad`, expected `deg` or `rad`"),
+            ("dof tz rx l ry", "dof tz rx tz", "found `tz`, expected degrees of freedom out of"),
+            ("root stiff base", "root stiff bass", "line 46: found `bass`, expected `root`, or a bone of"),
+            ("base tip\n", "base tip stiff\n", "found a second parent for `stiff`, expected one parent"),
+            ("root stiff base", "root stiff", "found bone `tip`, which the root does not lead to, expected"),
+            ("name stiff", "name tip", "found a second bone `tip`, expected names that differ"),
+            ("(2, -inf", "(2, x", "found `x`, expected 4 pairs of limits"),
+            (" length 0.45", " length -1", "found `-1`, expected the unit of length, more than 0"),
+            (":root # a comment", ":rood", "expected a section `:root`"),
+            ("direction 0.6 0.8 0", "direction 0 0 0", "found bone `base` without length or direction"),
+        ] {
+            let bad = good.replace(from, to);
+            assert_ne!(bad, good, "{from}");
+            let error = parse(bad.as_bytes(), "x.asf").expect_err(to).to_string();
+            assert!(error.contains(message), "{to}: {error}");
+        }
+    }
 }

@@ -243,3 +243,113 @@ fn rate(frame_time: f64, digits: &str) -> f64 {
         1.0 / frame_time
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SMALL: &str = "HIERARCHY
+ROOT Hips of mixamorig:rig {
+  OFFSET 1 94 -2
+  CHANNELS 4 Zrotation Yposition Xrotation Xposition
+\tJOINT arm
+\t{
+\t\tOFFSET 0.5 -3e1 7
+\t\tChannels\t1\tYrotation
+\t\tEnd Site
+\t\t{
+\t\t\tOFFSET 0 1 0
+\t\t}
+\t\tEnd Site
+\t\t{
+\t\t\tOFFSET 0 2 0
+\t\t}
+\t}
+}
+MOTION
+Frames: 2
+Frame Time: .0083333
+10 20 30 40 -50
+
+1 2 3 4 5e-3
+";
+
+    fn parse(text: &str) -> Result<(Skeleton, Motion), ImportError> {
+        super::parse(text.as_bytes(), "x.bvh", 2.0, None)
+    }
+
+    #[test]
+    fn any_channels_in_any_order() {
+        let (skeleton, motion) = parse(SMALL).expect("a clip");
+        assert_eq!(parse(&SMALL.replace('\n', "\r\n")).expect("a clip"), (skeleton.clone(), motion.clone()));
+        let names: Vec<&str> = skeleton.joints.iter().map(|joint| joint.name.as_str()).collect();
+        assert_eq!(names, ["Hips of mixamorig:rig", "arm", "arm.end", "arm.end'"]);
+        let levels: Vec<u8> = skeleton.joints.iter().map(|joint| joint.level).collect();
+        assert_eq!(levels, [1, 2, 2, 2]);
+        // Positions along x and y replace OFFSET; lengths are in units of 2 cm.
+        assert_eq!(skeleton.joints[0].offset, [0.0, 0.0, -4.0]);
+        assert_eq!(skeleton.joints[0].rotations, [0, 2]);
+        assert_eq!(skeleton.joints[1].offset, [1.0, -60.0, 14.0]);
+        assert_eq!(motion.samples, [10.0, 40.0, 30.0, 80.0, -50.0, 1.0, 4.0, 3.0, 8.0, 0.005]);
+        assert_eq!(motion.fps, 120.0);
+    }
+
+    #[test]
+    fn rates_are_what_the_digits_mean() {
+        for (digits, fps) in [
+            (".0083333", 120.0),
+            ("0.00833333", 120.0),
+            ("0.010000", 100.0),
+            ("0.0333333", 30.0),
+            ("4.16667e-2", 24.0),
+            (".04", 25.0),
+            ("1", 1.0),
+            ("0.0334", 1.0 / 0.0334),
+            ("0.03", 1.0 / 0.03),
+        ] {
+            assert_eq!(rate(digits.parse().expect("a number"), digits), fps, "{digits}");
+        }
+    }
+
+    #[test]
+    fn errors_name_line_found_and_expected() {
+        for (from, to, message) in [
+            (
+                "Frames: 2",
+                "Frames: 3",
+                "x.bvh, line 25: found the end of the file after 2 frames, expected 3",
+            ),
+            ("Frames: 2", "Frames: 1", "x.bvh, line 24: found frame 2, expected 1 frames"),
+            ("Frames: 2", "Frames: -1", "x.bvh, line 20: found -1 frames, expected a whole number from 1 on"),
+            ("30 40 -50", "30 40", "line 22: found the end of the line, expected number 5 of 5 of frame 1"),
+            ("5e-3", "5e-3 6", "line 24: found `6`, expected the end of the line after 5 numbers"),
+            ("CHANNELS 4", "CHANNELS 3", "line 4: found `Xposition`, expected `}`, `CHANNELS`, `JOINT`"),
+            ("CHANNELS 4", "CHANNELS 5", "line 4: found the end of the line, expected 5 names such as"),
+            ("Xposition", "Yposition", "line 4: found `Yposition`, expected 4 names such as"),
+            ("OFFSET 1 94", "OFFSET 1 x", "line 3: found `x`, expected the three numbers of `OFFSET`"),
+            ("JOINT arm", "JOINT Hips of mixamorig:rig", "found a second joint `Hips of mixamorig:rig`"),
+            ("ROOT", "JOINT", "x.bvh, line 2: found `JOINT`, expected `ROOT`"),
+            (".0083333", "0", "x.bvh, line 21: found 0 s between frames, expected more than 0"),
+            ("\t\t\tOFFSET 0 1 0\n", "", "line 11: found `}`, expected `OFFSET`, `CHANNELS`, `JOINT`"),
+        ] {
+            let bad = SMALL.replacen(from, to, 1);
+            assert_ne!(bad, SMALL, "{from}");
+            let error = parse(&bad).expect_err(to).to_string();
+            assert!(error.contains(message), "{to}: {error}");
+        }
+        let still = "HIERARCHY ROOT a\n{\nOFFSET 0 0 0\n}\nMOTION\nFrames: 1\nFrame Time: 1\n";
+        assert!(parse(still).is_err());
+    }
+
+    #[test]
+    fn depth_is_not_a_stack() {
+        let mut text = "HIERARCHY\nROOT j0\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n".to_string();
+        for depth in 1..20_000 {
+            text += &format!("JOINT j{depth}\n{{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n");
+        }
+        let error = parse(&text).expect_err("open braces").to_string();
+        assert!(
+            error.ends_with("found the end of the file, expected `}`, `CHANNELS`, `JOINT` or `End Site`")
+        );
+    }
+}

@@ -9,6 +9,8 @@ use crate::{Motion, Skeleton};
 pub mod amc;
 pub mod asf;
 pub mod bvh;
+#[cfg(test)]
+mod malformed;
 mod text;
 
 /// A skeleton and a motion of it.

@@ -281,3 +281,46 @@ impl Ord for Interval {
 fn better(left: &Candidate, right: &Candidate) -> std::cmp::Ordering {
     left.merit.total_cmp(&right.merit).then(left.parameters.cmp(&right.parameters))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample;
+
+    #[test]
+    fn pruning_finds_the_optimum_of_the_exhaustive_search() {
+        let clip = sample::clip();
+        let source = Source::new(&clip.skeleton, &clip.motion).unwrap();
+        let evaluator = Evaluator::new(&clip.skeleton, &clip.motion).unwrap();
+        let (frames, channels) = (source.frames(), source.channels());
+        for method in [Method::FAITHFUL, Method::ClosedLoop] {
+            let problem = Problem::new(&source, &evaluator, method);
+            let whole = Space::float32_bytes(frames, channels);
+            for max_bytes in [whole, whole / 2, whole * 2 / 5] {
+                let space = Space::new(frames, channels, u16::MAX, 10, 120, max_bytes);
+                let done = AtomicUsize::new(0);
+                let count = |_| _ = done.fetch_add(1, Ordering::Relaxed);
+                let all = problem.exhaustive(&space, &count).unwrap().unwrap();
+                assert_eq!(all.encodes, space.len());
+                assert_eq!(done.swap(0, Ordering::Relaxed), space.len());
+                let pruned = problem.pruned(&space, &count).unwrap().unwrap();
+                assert_eq!(pruned.best, all.best, "{method:?} {max_bytes}");
+                assert_eq!(done.into_inner(), pruned.encodes);
+                assert!(pruned.encodes <= all.encodes);
+                assert!(pruned.best.bytes <= max_bytes);
+            }
+        }
+    }
+
+    #[test]
+    fn a_space_without_clips_has_no_optimum() {
+        let clip = sample::clip();
+        let source = Source::new(&clip.skeleton, &clip.motion).unwrap();
+        let evaluator = Evaluator::new(&clip.skeleton, &clip.motion).unwrap();
+        let problem = Problem::new(&source, &evaluator, Method::ClosedLoop);
+        let space = Space::new(source.frames(), source.channels(), u16::MAX, 16, 30, 100);
+        assert!(space.is_empty());
+        assert_eq!(problem.exhaustive(&space, &|_| ()).unwrap(), None);
+        assert_eq!(problem.pruned(&space, &|_| ()).unwrap(), None);
+    }
+}

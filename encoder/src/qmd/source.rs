@@ -100,7 +100,7 @@ impl Source {
 /// How much an error counts in every channel. A channel that moves no joint (a BVH's last joint may have no End
 /// Site) still counts a little, so that it is coded at all.
 fn weights(skeleton: &Skeleton, motion: &Motion) -> Vec<f64> {
-    let mut weights = kinematics::sensitivity(skeleton, motion, 1);
+    let mut weights = kinematics::sensitivity(skeleton, motion);
     let largest = weights.iter().copied().fold(0.0, f64::max);
     let least = if largest > 0.0 { largest * 1e-6 } else { 1.0 };
     weights.iter_mut().for_each(|weight| *weight = weight.max(least));

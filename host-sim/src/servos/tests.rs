@@ -133,7 +133,10 @@ fn a_missing_servo_ends_a_joint_answer_only() {
     assert_eq!(ids, [3, 1]);
     let cut = client.raw(&packet(BROADCAST_ID, Instruction::FastSyncRead, &[0x84, 0, 4, 0, 3, 2, 1]));
     assert_eq!((cut.len(), cut[5]), (16, 25));
-    assert_eq!(client.raw(&packet(BROADCAST_ID, Instruction::FastSyncRead, &[0x84, 0, 4, 0, 2, 1])), []);
+    assert_eq!(
+        client.raw(&packet(BROADCAST_ID, Instruction::FastSyncRead, &[0x84, 0, 4, 0, 2, 1])),
+        [0_u8; 0]
+    );
 }
 
 #[test]
@@ -333,7 +336,7 @@ fn the_tap_sees_goals_and_refusals() {
     let goals = [(1, 1000), (2, 5000), (3, 3000)].map(|(id, position)| Goal { id, position });
     let mut buffer = [0; 64];
     let sync = goal_positions(&mut buffer, &goals).unwrap().to_vec();
-    assert_eq!(client.raw(&sync), []);
+    assert_eq!(client.raw(&sync), [0_u8; 0]);
     client.send(BROADCAST_ID, Instruction::BulkWrite, &[2, 116, 0, 4, 0, 1, 0, 0, 0, 1, 65, 0, 1, 0, 1]);
     client.send(3, Instruction::RegWrite, &[116, 0, 7, 0, 0, 0]);
     client.wait_ms(4);
@@ -420,10 +423,10 @@ fn torque_can_come_on_with_the_goal() {
 fn half_a_packet_is_forgotten_after_a_pause() {
     let mut client = Client::new(&[1]);
     let ping = packet(1, Instruction::Ping, &[]);
-    assert_eq!(client.raw(&ping[..6]), []);
+    assert_eq!(client.raw(&ping[..6]), [0_u8; 0]);
     assert_eq!(client.raw(&ping[6..]).len(), 14);
-    assert_eq!(client.raw(&[0xFF, 0xFF, 0xFD, 0x00, 0x01, 0xF0, 0x00]), []);
-    assert_eq!(client.raw(&ping), [], "the bytes belong to the longer packet");
+    assert_eq!(client.raw(&[0xFF, 0xFF, 0xFD, 0x00, 0x01, 0xF0, 0x00]), [0_u8; 0]);
+    assert_eq!(client.raw(&ping), [0_u8; 0], "the bytes belong to the longer packet");
     client.wait_ms(2);
     assert_eq!(client.raw(&[]).len(), 14, "what was swallowed is found");
     assert_eq!(client.raw(&ping).len(), 14);

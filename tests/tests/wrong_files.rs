@@ -1,0 +1,147 @@
+//! A wrong file gets one clear sentence, and leaves no output behind.
+#![allow(clippy::unwrap_used)]
+
+use bunraku_tests::bunraku;
+use encoder::sample;
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+/// Runs in `folder` and expects exit code 1, one sentence on standard error with all of `parts`, and no `out.*`.
+fn refused(folder: &Path, arguments: &[&str], parts: &[&str]) {
+    let Output { status, stdout, stderr } = bunraku().args(arguments).current_dir(folder).output().unwrap();
+    let said = String::from_utf8(stderr).unwrap();
+    assert_eq!(status.code(), Some(1), "{arguments:?}: {said}");
+    assert!(stdout.is_empty(), "{arguments:?}");
+    assert_eq!(said.lines().count(), 1, "{arguments:?}: {said}");
+    for part in parts {
+        assert!(said.contains(part), "{arguments:?}: {part:?} is not in {said:?}");
+    }
+    let left: Vec<_> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.starts_with("out") || name.starts_with(".tmp"))
+        .collect();
+    assert!(left.is_empty(), "{arguments:?} left {left:?}");
+}
+
+/// A folder with the embedded clip in our formats, and files that are none of them.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let clip = sample::clip();
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    write("puppet.asf", sample::asf().as_bytes());
+    let mut amc = Vec::new();
+    let rotations = encoder::export::amc::Rotations::AsTheyAre;
+    encoder::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
+    write("walk.amc", &amc);
+    let mut bvh = Vec::new();
+    encoder::export::bvh::write(&mut bvh, &clip.skeleton, &clip.motion).unwrap();
+    write("walk.bvh", &bvh);
+    write("cut.bvh", &bvh[..bvh.len() / 2]);
+    write("cut-early.bvh", &bvh[..200]);
+    write("empty.amc", b"");
+    write("empty.qmd", b"");
+    let jpeg = b"\xff\xd8\xff\xe0\x00\x10JFIF\x00\x01\x01\x01\x00H\x00H\x00\x00\xff\xdb\x00C\x00\x08\x06\x06";
+    for name in ["photo.amc", "photo.bvh", "photo.asf", "photo.qmd", "photo.jpg"] {
+        write(name, jpeg);
+    }
+    let qmd =
+        encoder::qmd::encode(&clip, encoder::qmd::Parameters::TABLE_1, encoder::qmd::Method::ClosedLoop)
+            .unwrap();
+    write("walk.qmd", &qmd);
+    write("cut.qmd", &qmd[..qmd.len() - 1]);
+    folder
+}
+
+#[test]
+fn the_sound_files_are_taken() {
+    let folder = folder();
+    for arguments in [
+        &["encode", "walk.amc", "--skeleton", "puppet.asf", "--fps", "60", "-o", "out.qmd"][..],
+        &["encode", "walk.bvh", "-o", "out2.qmd"],
+        &["decode", "walk.qmd", "--skeleton", "puppet.asf", "-o", "out.bvh"],
+        &["info", "walk.qmd"],
+        &["compare", "walk.amc", "walk.qmd", "--skeleton", "puppet.asf", "--fps", "60"],
+    ] {
+        let output = bunraku().args(arguments).current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+}
+
+#[test]
+fn motions() {
+    let folder = folder();
+    let encode = |input: &str, parts: &[&str]| {
+        refused(folder.path(), &["encode", input, "--skeleton", "puppet.asf", "-o", "out.qmd"], parts);
+    };
+    encode("photo.amc", &["photo.amc", "AMC"]);
+    encode("photo.bvh", &["photo.bvh", "BVH"]);
+    encode("photo.jpg", &["photo.jpg", "expected"]);
+    encode("empty.amc", &["empty.amc", "empty"]);
+    encode("cut.bvh", &["cut.bvh", "line", "end of the file", "expected"]);
+    encode("cut-early.bvh", &["cut-early.bvh", "expected"]);
+    encode("none.amc", &["none.amc", "cannot read"]);
+    encode("walk.qmd", &["walk.qmd", "expected a motion"]);
+    refused(folder.path(), &["encode", "walk.amc", "-o", "out.qmd"], &["walk.amc", "--skeleton"]);
+    refused(
+        folder.path(),
+        &["encode", "walk.amc", "--skeleton", "photo.asf", "-o", "out.qmd"],
+        &["photo.asf", "ASF"],
+    );
+    refused(
+        folder.path(),
+        &["encode", "walk.bvh", "--fdf", "900", "-o", "out.qmd"],
+        &["walk.bvh", "FDF", "900", "expected 0 to"],
+    );
+    refused(
+        folder.path(),
+        &["encode", "walk.bvh", "-o", "out/of/place.qmd"],
+        &["cannot write out/of/place.qmd"],
+    );
+}
+
+#[test]
+fn clips() {
+    let folder = folder();
+    let decode = |clip: &str, parts: &[&str]| {
+        refused(folder.path(), &["decode", clip, "--skeleton", "puppet.asf", "-o", "out.amc"], parts);
+        refused(folder.path(), &["info", clip], parts);
+    };
+    decode("photo.qmd", &["photo.qmd is not a QMD clip", "expected"]);
+    decode("empty.qmd", &["empty.qmd is not a QMD clip", "byte 0"]);
+    decode("cut.qmd", &["cut.qmd is not a QMD clip", "rows", "are left"]);
+    refused(
+        folder.path(),
+        &["decode", "walk.qmd", "--skeleton", "puppet.asf", "-o", "out.txt"],
+        &["out.txt", "txt", "expected amc, bvh or csv"],
+    );
+}
+
+#[test]
+fn usage_errors_exit_with_2() {
+    for arguments in [&["encode"][..], &["fly"], &["encode", "a.amc", "-o", "b.qmd", "--bits", "7"], &[]] {
+        let output = bunraku().args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+    }
+}
+
+#[test]
+fn every_command_has_help_with_an_example() {
+    let output = bunraku().arg("--help").output().unwrap();
+    let help = String::from_utf8(output.stdout).unwrap();
+    let commands: Vec<&str> = help
+        .lines()
+        .skip_while(|line| *line != "Commands:")
+        .skip(1)
+        .take_while(|line| !line.is_empty())
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|name| *name != "help")
+        .collect();
+    assert!(commands.len() >= 5, "{help}");
+    for command in commands {
+        let output = bunraku().args([command, "--help"]).output().unwrap();
+        let help = String::from_utf8(output.stdout).unwrap();
+        assert!(help.contains(&format!("Example:\n  bunraku {command}")), "{help}");
+    }
+}
