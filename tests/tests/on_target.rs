@@ -1,4 +1,5 @@
 //! A clip's frames are the same bits on x86 and on Cortex-M0, M3 and M4, in place and streamed.
+#![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, motion, require_program, require_target, vectors};
 use decoder_core::qmd::Clip;
