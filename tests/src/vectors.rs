@@ -1,6 +1,8 @@
 //! The golden vectors of `tests/vectors`.
 
 use crate::workspace;
+use decoder_core::qmd::Clip;
+use decoder_core::{Error, I16F16, Limits};
 use sha2::{Digest, Sha256};
 use std::fs;
 use std::path::PathBuf;
@@ -38,6 +40,25 @@ pub fn all() -> Vec<Vector> {
         .collect();
     assert!(!vectors.is_empty(), "SHA256SUMS lists no vectors");
     vectors
+}
+
+/// More than any clip here has, and little enough that a damaged one ends soon.
+pub const LIMITS: Limits = Limits { channels: 300, frames: 10_000 };
+
+/// SHA-256 of a clip's frames, decoded in memory; `lend` says whether the decoder gets memory for its table.
+///
+/// # Errors
+/// Where the clip is refused.
+pub fn sha256_of_frames(bytes: &[u8], lend: bool) -> Result<String, Error> {
+    let clip = Clip::parse(bytes, LIMITS)?;
+    let mut pose = vec![I16F16::ZERO; clip.channels()];
+    let mut table = vec![0; clip.table_len()];
+    let mut decoder = clip.decoder(&mut pose, lend.then_some(table.as_mut_slice()))?;
+    let mut sha = Sha256::new();
+    while let Some(pose) = decoder.next_frame() {
+        pose.iter().for_each(|value| sha.update(value.to_bits().to_le_bytes()));
+    }
+    Ok(hex(sha))
 }
 
 /// A finished hash as hexadecimal digits.

@@ -2,11 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, motion, require_program, require_target, vectors};
-use decoder_core::qmd::Clip;
-use decoder_core::{I16F16, Limits};
 use encoder::qmd::{Method, Parameters, encode};
 use host_sim::qemu;
-use sha2::{Digest, Sha256};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -47,25 +44,12 @@ fn cases() -> &'static [Case] {
             .map(|(name, bytes)| {
                 let path = folder.path().join(name);
                 fs::write(&path, &bytes).unwrap();
-                Case { path, sha256: hash(&bytes) }
+                Case { path, sha256: vectors::sha256_of_frames(&bytes, true).unwrap() }
             })
             .collect();
         (folder, cases)
     });
     cases
-}
-
-fn hash(bytes: &[u8]) -> String {
-    let clip = Clip::parse(bytes, Limits::MAX).unwrap();
-    let mut pose = vec![I16F16::ZERO; clip.channels()];
-    let mut decoder = clip.decoder(&mut pose, None).unwrap();
-    let mut sha = Sha256::new();
-    while let Some(frame) = decoder.next_frame() {
-        for value in frame {
-            sha.update(value.to_bits().to_le_bytes());
-        }
-    }
-    vectors::hex(sha)
 }
 
 /// Runs the image on every clip.

@@ -5,9 +5,9 @@ use clap::ValueEnum;
 use decoder_core::Limits;
 use decoder_core::qmd::Clip;
 use host_sim::files;
-use host_sim::play::{self, seconds};
+use host_sim::play::{self, Recording, seconds};
 use host_sim::puppet::Puppet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Play a clip on the virtual servos of a puppet, and log every goal position that they are told.
@@ -75,7 +75,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     };
     let recording = recording.with_context(|| format!("cannot play {name}"))?;
     if let Some(log) = &args.log {
-        files::write(log, |file| Ok(recording.write_csv(file)?))?;
+        write_log(log, &recording)?;
     }
     let servos = map.joints().len();
     let duration = map.tick_micros(recording.ticks);
@@ -102,4 +102,9 @@ fn centihertz(fps: f64) -> Result<u16> {
         bail!("--fps is {fps}, expected 0.01 to 655.35");
     }
     Ok(rate as u16)
+}
+
+/// Writes what the servos were told, a line for every goal.
+pub fn write_log(path: &Path, recording: &Recording) -> Result<()> {
+    files::write(path, |file| Ok(recording.write_csv(file)?))
 }
