@@ -106,11 +106,5 @@ fn centihertz(fps: f64) -> Result<u16> {
 
 /// Writes what the servos were told, a line for every goal.
 pub fn write_log(path: &Path, recording: &Recording) -> Result<()> {
-    files::write(path, |file| {
-        writeln!(file, "time_s,servo,goal_position")?;
-        for goal in &recording.goals {
-            writeln!(file, "{},{},{}", seconds(goal.time_us), goal.id, goal.position)?;
-        }
-        Ok(())
-    })
+    files::write(path, |file| Ok(recording.write_csv(file)?))
 }
