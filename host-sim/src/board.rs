@@ -106,7 +106,7 @@ fn target_folder(workspace: &Path) -> Result<PathBuf> {
     }
     let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).context("cargo metadata")?;
     let folder = metadata.get("target_directory").and_then(|folder| folder.as_str());
-    Ok(folder.map(PathBuf::from).ok_or_else(|| anyhow!("cargo metadata names no target folder"))?)
+    folder.map(PathBuf::from).ok_or_else(|| anyhow!("cargo metadata names no target folder"))
 }
 
 fn require_target() -> Result<()> {

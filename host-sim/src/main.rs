@@ -22,6 +22,7 @@ enum Command {
     Optimize(commands::optimize::Args),
     Play(commands::play::Args),
     Qemu(commands::qemu::Args),
+    Demo(commands::demo::Args),
     Table1(commands::table1::Args),
     Servos(commands::servos::Args),
 }
@@ -50,6 +51,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Optimize(args) => commands::optimize::run(args),
         Command::Play(args) => commands::play::run(args),
         Command::Qemu(args) => commands::qemu::run(args),
+        Command::Demo(args) => commands::demo::run(args),
         Command::Table1(args) => commands::table1::run(args),
         Command::Servos(args) => commands::servos::run(args),
     }

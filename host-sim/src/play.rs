@@ -16,6 +16,7 @@ use firmware::map::MAX_SERVOS;
 use firmware::player::{Player, Repeat};
 use std::convert::Infallible;
 use std::future::Future;
+use std::io;
 use std::pin::pin;
 use std::task::{Context as TaskContext, Poll, Waker};
 use std::time::Duration;
@@ -38,6 +39,20 @@ pub struct Recording {
     pub ticks: u32,
     /// Every goal of every servo.
     pub goals: Vec<Taken>,
+}
+
+impl Recording {
+    /// Writes the log: a header, then time in seconds, servo id and goal position, a line a goal.
+    ///
+    /// # Errors
+    /// Those of `file`.
+    pub fn write_csv(&self, file: &mut dyn io::Write) -> io::Result<()> {
+        writeln!(file, "time_s,servo,goal_position")?;
+        for Taken { time_us, id, position } in &self.goals {
+            writeln!(file, "{},{id},{position}", seconds(*time_us))?;
+        }
+        Ok(())
+    }
 }
 
 /// Plays on this machine, as fast as it goes.
@@ -164,9 +179,12 @@ impl<'m> Recorder<'m> {
         if let Some(fault) = self.fault {
             bail!(fault);
         }
+        if !self.packet.is_empty() {
+            bail!("the last packet on the servo bus was cut after {} bytes", self.packet.len());
+        }
         let (found, goals) = (self.recording.ticks, self.recording.goals.len());
-        let expected = found as usize * self.map.joints().len();
-        if goals != expected || !self.packet.is_empty() || ticks.is_some_and(|ticks| ticks != found) {
+        let expected = ticks.unwrap_or(found) as usize * self.map.joints().len();
+        if goals != expected {
             bail!("the servos took {goals} goals in {found} ticks, expected {expected}");
         }
         Ok(self.recording)
@@ -196,4 +214,62 @@ fn is_tick(packet: &Packet<'_>) -> bool {
 /// Microseconds as seconds, with all six decimals.
 pub fn seconds(micros: u64) -> String {
     format!("{}.{:06}", micros / 1_000_000, micros % 1_000_000)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::puppet::Puppet;
+    use encoder::qmd::{Method, Parameters, decode, encode};
+    use std::path::Path;
+
+    fn sample() -> (Vec<u8>, Map, encoder::Clip) {
+        let clip = encoder::sample::clip();
+        let puppet = Path::new(env!("CARGO_MANIFEST_DIR")).join("../puppets/sample.toml");
+        let map = Puppet::read(&puppet).unwrap().map(&clip.skeleton).unwrap();
+        (encode(&clip, Parameters::TABLE_1, Method::ClosedLoop).unwrap(), map, clip)
+    }
+
+    #[test]
+    fn every_servo_follows_its_channel() {
+        let (bytes, map, _) = sample();
+        let recording = on_host(&Clip::parse(&bytes, Limits::MAX).unwrap(), &map, 0).unwrap();
+        // 480 frames at 60 Hz last 479/60 s: 399.17 ticks of 50 Hz, the last of them at the last frame.
+        assert_eq!(recording.ticks, 401);
+        assert_eq!(recording.goals.len(), 401 * 12);
+        let motion = decode(&bytes).unwrap();
+        // The first second is left out: servos begin at their zeros and hurry to the first frame.
+        for (index, taken) in recording.goals.iter().enumerate().skip(12 * 50) {
+            let joint = map.joints()[index % 12];
+            assert_eq!((joint.id, taken.time_us), (taken.id, (index as u64 / 12) * 20_000));
+            let position = (taken.time_us as f64 * 60e-6).min(479.0);
+            let value = |frame: usize| motion.frame(frame.min(479))[usize::from(joint.channel)];
+            let (before, part) = (position as usize, position.fract());
+            let angle = value(before) * (1.0 - part) + value(before + 1) * part;
+            let goal = f64::from(joint.zero) + angle * joint.scale.to_num::<f64>();
+            let off = (f64::from(taken.position) - goal).abs();
+            assert!(off < 0.52, "{taken:?}: {off} goal units from {goal}");
+        }
+    }
+
+    #[test]
+    fn another_rate_takes_another_time() {
+        let (bytes, map, _) = sample();
+        let clip = Clip::parse(&bytes, Limits::MAX).unwrap();
+        assert_eq!(on_host(&clip, &map, 12_000).unwrap().ticks, 201);
+    }
+
+    #[test]
+    fn a_cut_bus_is_noticed() {
+        let (_, map, _) = sample();
+        let mut recorder = Recorder::new(&map).unwrap();
+        assert!(recorder.receive(&[0xff, 0xff, 0xfd, 0x00, 0xfe]).is_empty());
+        let error = recorder.finish(None).unwrap_err();
+        assert!(error.to_string().contains("cut"), "{error}");
+    }
+
+    #[test]
+    fn times_have_six_decimals() {
+        assert_eq!([0, 16_666, 61_000_001].map(seconds), ["0.000000", "0.016666", "61.000001"]);
+    }
 }

@@ -252,3 +252,117 @@ fn no_channel(name: &str, skeleton: &Skeleton) -> String {
     let near: Vec<_> = near.iter().take(3).map(|(_, name)| name.as_str()).collect();
     format!("the skeleton has no joint \"{joint_name}\"; the nearest channels are {}", near.join(", "))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    /// One joint, with these lines in it, on the embedded sample's skeleton.
+    fn map(lines: &str) -> Result<Map> {
+        let text = format!("servo_hz = 50\nbaud = 1_000_000\n[[joint]]\n{lines}\n");
+        Puppet::parse(Path::new("puppet.toml"), text)?.map(&encoder::sample::clip().skeleton)
+    }
+
+    const ELBOW: &str = "name = 'elbow'\nchannel = 'rradius.rx'\nid = 3\nrange = [-90, 10]\nmax_speed = 90";
+
+    fn error(from: &str, to: &str) -> String {
+        assert!(ELBOW.contains(from));
+        format!("{:#}", map(&ELBOW.replace(from, to)).unwrap_err())
+    }
+
+    #[test]
+    fn units_are_converted() {
+        let skeleton = encoder::sample::clip().skeleton;
+        let joint = map(ELBOW).unwrap().joints()[0];
+        assert_eq!(skeleton.channels[usize::from(joint.channel)].name, "rradius.rx");
+        // 90° are a quarter of 4096, 10° are 113.8; 90°/s at 50 Hz are 20.48 a tick, rounded down.
+        assert_eq!((joint.id, joint.zero, joint.min, joint.max, joint.max_step), (3, 2048, 1024, 2162, 20));
+        assert!((joint.scale.to_num::<f64>() - 4096.0 / 360.0).abs() < 1e-5);
+        assert_eq!(joint.goal(I16F16::from_num(-45)), 1536);
+
+        let turned = map(&format!("{ELBOW}\ndirection = -1\nzero = 1000")).unwrap().joints()[0];
+        assert_eq!((turned.min, turned.max), (886, 2024));
+        assert_eq!(turned.goal(I16F16::from_num(-45)), 1512);
+
+        let goals = map(&ELBOW.replace("range = [-90, 10]", "goal_range = [2100, 2000]\nscale = 2.5"));
+        let joint = goals.unwrap().joints()[0];
+        assert_eq!((joint.min, joint.max, joint.scale), (2000, 2100, I16F16::lit("2.5")));
+        assert_eq!(joint.max_step, 4);
+
+        let slide = ELBOW.replace("rradius.rx", "root.ty").replace("[-90, 10]", "[-2, 2]\nscale = 100");
+        assert_eq!(map(&slide).unwrap().joints()[0].min, 1848);
+    }
+
+    #[test]
+    fn a_wrong_channel_names_near_ones() {
+        let unknown = error("rradius.rx", "rradus.rx");
+        assert!(unknown.starts_with("puppet.toml, line 5, key \"channel\": "), "{unknown}");
+        assert!(unknown.contains("no joint \"rradus\"") && unknown.contains("rradius.rx"), "{unknown}");
+        let axis = error("rradius.rx", "rradius.rz");
+        assert!(axis.contains("its joint has rradius.rx"), "{axis}");
+        let still = error("rradius.rx", "rclavicle.rx");
+        assert!(still.contains("does not move"), "{still}");
+        assert_eq!(unknown.lines().count(), 1);
+    }
+
+    #[test]
+    fn a_wrong_value_names_its_line_and_key() {
+        let cases = [
+            ("id = 3", "id = 300", "line 6, key \"id\": invalid value: integer `300`"),
+            ("id = 3", "id = 253", "servo id 253 is out of range"),
+            ("id = 3", "idd = 3", "line 6, key \"idd\": unknown field `idd`"),
+            ("id = 3", "id = ", "line 6, key \"id\""),
+            ("range = [-90, 10]", "range = [10, 90]", "line 7, key \"range\": these are goals 2162 to 3072"),
+            ("range = [-90, 10]", "range = [-200, 10]", "a servo takes 0 to 4095"),
+            ("range = [-90, 10]", "range = [-90, nan]", "line 7, key \"range\""),
+            ("range = [-90, 10]", "", "either `range` or `goal_range`"),
+            ("max_speed = 90", "max_speed = 4", "line 8, key \"max_speed\": less than one goal unit"),
+            ("max_speed = 90", "max_speed = -1", "found -1, expected more than 0"),
+            ("max_speed = 90", "max_speed = 90\ndirection = 2", "found 2, expected 1 or -1"),
+            ("max_speed = 90", "max_speed = 90\nscale = 0", "line 9, key \"scale\": found 0"),
+            ("rradius.rx", "root.ty", "a translation needs `scale`"),
+            ("max_speed = 90", "", "missing field `max_speed`"),
+        ];
+        for (from, to, expected) in cases {
+            let error = error(from, to);
+            assert!(error.contains(expected), "{to:?}: {error}");
+            assert!(error.starts_with("puppet.toml"), "{error}");
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+    }
+
+    #[test]
+    fn names_and_ids_are_unique() {
+        let twice = |other: &str| format!("{:#}", map(&format!("{ELBOW}\n[[joint]]\n{other}")).unwrap_err());
+        let same_name = twice(&ELBOW.replace("id = 3", "id = 4"));
+        assert!(same_name.contains("line 10, key \"name\": another joint has this name"), "{same_name}");
+        let same_id = twice(&ELBOW.replace("'elbow'", "'other'"));
+        assert!(same_id.contains("line 12, key \"id\": joint \"elbow\" has id 3 as well"), "{same_id}");
+    }
+
+    #[test]
+    fn the_servo_rate_is_checked() {
+        let text = format!("servo_hz = 1001\nbaud = 1\n[[joint]]\n{ELBOW}\nscale = 1000\n")
+            .replace("[-90, 10]", "[-1, 1]");
+        let puppet = Puppet::parse(Path::new("puppet.toml"), text).unwrap();
+        let error = format!("{:#}", puppet.map(&encoder::sample::clip().skeleton).unwrap_err());
+        assert_eq!(error, "puppet.toml: the servo rate is 1001 Hz, expected 1 to 1000");
+    }
+
+    #[test]
+    fn what_is_not_text_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.toml");
+        fs::write(&path, b"\xff\xd8\xff\xe0").unwrap();
+        let error = format!("{:#}", Puppet::read(&path).unwrap_err());
+        assert!(error.contains("photo.toml: byte 0: not text"), "{error}");
+    }
+
+    #[test]
+    fn the_skeleton_lies_beside_the_puppet() {
+        let text = format!("skeleton = '02.asf'\nservo_hz = 50\nbaud = 1\n[[joint]]\n{ELBOW}");
+        let puppet = Puppet::parse(Path::new("some/puppet.toml"), text).unwrap();
+        assert_eq!(puppet.skeleton(), Some(PathBuf::from("some/02.asf")));
+    }
+}

@@ -20,7 +20,7 @@ const FORBIDDEN: [&str; 5] = [
 const FLOOR: u64 = 3500;
 
 fn image(target: &str, features: &[&str]) -> (u64, Vec<String>) {
-    let path = cargo::image("panic-free", target, "panic-free", features);
+    let path = cargo::image("panic-free", "panic-free", target, "panic-free", features);
     let bytes = std::fs::read(&path).unwrap();
     let file = object::File::parse(bytes.as_slice()).unwrap();
     let code =

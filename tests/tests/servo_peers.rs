@@ -17,8 +17,8 @@ impl Servos {
     fn start(listen: &str) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let puppet = folder.path().join("puppet.toml");
-        let text = "name = \"peers\"\n[[joint]]\nid = 1\n[[joint]]\nid = 2\n[[joint]]\nid = 3\nmin_goal = 1000\n\
-            max_goal = 3000\n[[joint]]\nid = 20\n";
+        let text = "name = \"peers\"\n[[joint]]\nid = 1\n[[joint]]\nid = 2\n[[joint]]\nid = 3\ngoal_range = [1000, 3000]\n\
+            [[joint]]\nid = 20\n";
         std::fs::write(&puppet, text).expect("write the puppet");
         let mut process = bunraku()
             .args(["servos", "--config"])

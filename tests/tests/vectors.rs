@@ -2,30 +2,15 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{skip, vectors};
-use decoder_core::qmd::{Clip, Stream};
-use decoder_core::{Error, I16F16, Limits};
+use decoder_core::qmd::Stream;
+use decoder_core::{Error, I16F16};
 use sha2::{Digest, Sha256};
 use std::process::Command;
-
-const LIMITS: Limits = Limits { channels: 300, frames: 10_000 };
-
-/// SHA-256 of a clip's frames, decoded in memory.
-fn hash(bytes: &[u8], lend: bool) -> Result<String, Error> {
-    let clip = Clip::parse(bytes, LIMITS)?;
-    let mut pose = vec![I16F16::ZERO; clip.channels()];
-    let mut table = vec![0; clip.table_len()];
-    let mut decoder = clip.decoder(&mut pose, lend.then_some(table.as_mut_slice()))?;
-    let mut sha = Sha256::new();
-    while let Some(pose) = decoder.next_frame() {
-        pose.iter().for_each(|value| sha.update(value.to_bits().to_le_bytes()));
-    }
-    Ok(vectors::hex(sha))
-}
 
 /// SHA-256 of a clip's frames, decoded from chunks of `size` bytes.
 fn hash_of_stream(bytes: &[u8], size: usize) -> Result<String, Error> {
     let (mut pose, mut table, mut buffer) = (vec![I16F16::ZERO; 300], vec![0; 1 << 16], vec![0; 1200]);
-    let mut stream = Stream::new(LIMITS, &mut pose, &mut table, &mut buffer);
+    let mut stream = Stream::new(vectors::LIMITS, &mut pose, &mut table, &mut buffer);
     let mut sha = Sha256::new();
     for mut chunk in bytes.chunks(size) {
         while let Some(pose) = stream.next_frame(&mut chunk)? {
@@ -40,7 +25,12 @@ fn hash_of_stream(bytes: &[u8], size: usize) -> Result<String, Error> {
 fn every_way_to_decode_gives_the_golden_frames() {
     for vector in vectors::all() {
         for lend in [false, true] {
-            assert_eq!(hash(&vector.bytes, lend).as_ref(), Ok(&vector.sha256), "{}", vector.name);
+            assert_eq!(
+                vectors::sha256_of_frames(&vector.bytes, lend).as_ref(),
+                Ok(&vector.sha256),
+                "{}",
+                vector.name
+            );
         }
         for size in [1, 3, 64, 1 << 20] {
             assert_eq!(hash_of_stream(&vector.bytes, size).as_ref(), Ok(&vector.sha256), "{}", vector.name);
@@ -70,7 +60,7 @@ fn every_truncation_is_decoded_or_refused() {
         for len in 0..vector.bytes.len() {
             let cut = &vector.bytes[..len];
             assert_eq!(
-                hash(cut, true).is_ok(),
+                vectors::sha256_of_frames(cut, true).is_ok(),
                 hash_of_stream(cut, 61).is_ok(),
                 "{} cut at {len}",
                 vector.name
@@ -85,7 +75,7 @@ fn every_single_bit_flip_is_decoded_or_refused() {
         let mut bytes = vector.bytes.clone();
         for bit in 0..bytes.len() * 8 {
             bytes[bit / 8] ^= 1 << (bit % 8);
-            let whole = hash(&bytes, bit % 2 == 0);
+            let whole = vectors::sha256_of_frames(&bytes, bit % 2 == 0);
             if bit % 16 == 0 {
                 // Chunks give the same frames; errors may name a unit where the whole names its field.
                 assert_eq!(whole.clone().ok(), hash_of_stream(&bytes, 61).ok(), "{} bit {bit}", vector.name);

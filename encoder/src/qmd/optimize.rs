@@ -159,7 +159,7 @@ impl<'a> Problem<'a> {
     ///
     /// With more fixed channels a clip grows, and its error shrinks but for chance. So of all FDF below one that
     /// was tried, none has a merit below the bytes of the least of them times the error of the one that was tried,
-    /// divided by [`SLACK`] for chance. Intervals whose bound is not below the best merit so far are
+    /// divided by a slack for chance. Intervals whose bound is not below the best merit so far are
     /// left out; the most promising others are split at their middle.
     ///
     /// # Errors
@@ -178,6 +178,7 @@ impl<'a> Problem<'a> {
             })
             .collect();
         batch.sort_unstable_by_key(|&(cell, _)| cell);
+        let slack = slack(self.method);
         let done = AtomicUsize::new(0);
         let mut open = BTreeSet::new();
         let mut best: Option<Candidate> = None;
@@ -189,8 +190,8 @@ impl<'a> Problem<'a> {
                     best = Some(candidate);
                 }
                 let Range { start, end } = interval.fdfs;
-                open.extend(interval.part(space, start..fdf, candidate.mean_joint_cm));
-                open.extend(interval.part(space, fdf + 1..end, interval.error));
+                open.extend(interval.part(space, start..fdf, candidate.mean_joint_cm, slack));
+                open.extend(interval.part(space, fdf + 1..end, interval.error, slack));
             }
             let merit = best.map_or(f64::INFINITY, |best| best.merit);
             batch = (0..BATCH)
@@ -222,9 +223,16 @@ impl<'a> Problem<'a> {
 /// What a search calls with the number of clips that it has encoded so far, from any thread.
 pub type Progress<'a> = dyn Fn(usize) + Sync + 'a;
 
-/// By how much an error may grow with FDF and still not mislead [`Problem::pruned`]. On the six trials of the
-/// paper that we have, with both encoders, 6 is the least whole number that loses no optimum.
-const SLACK: f64 = 6.0;
+/// By how much an error may grow with FDF and still not mislead [`Problem::pruned`].
+///
+/// Of the paper's trials, the six that we have lose no optimum with these. In the faithful encoder errors add up
+/// to a random walk, so chance has more to say than in the closed loop.
+const fn slack(method: Method) -> f64 {
+    match method {
+        Method::Faithful { .. } => 6.0,
+        Method::ClosedLoop => 2.0,
+    }
+}
 
 /// Intervals that are split at a time. Fixed, so that the search is the same on any number of cores.
 const BATCH: usize = 2;
@@ -243,11 +251,11 @@ struct Interval {
 
 impl Interval {
     /// A part of the range, with the error at its end; `None` where it is empty.
-    fn part(&self, space: &Space, fdfs: Range<usize>, error: f64) -> Option<Self> {
+    fn part(&self, space: &Space, fdfs: Range<usize>, error: f64, slack: f64) -> Option<Self> {
         if fdfs.is_empty() {
             return None;
         }
-        let bound = space.bytes([fdfs.start, self.b, self.n_d]) as f64 * error / SLACK;
+        let bound = space.bytes([fdfs.start, self.b, self.n_d]) as f64 * error / slack;
         Some(Self { bound, error, fdfs, b: self.b, n_d: self.n_d })
     }
 

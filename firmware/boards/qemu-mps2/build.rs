@@ -1,6 +1,6 @@
 //! Puts the clip and the joint map into the image, and names the linker scripts.
 //!
-//! - `BUNRAKU_CLIP`: path of a .qmd
+//! - `BUNRAKU_CLIP`: path of a .qmd, absolute or from this folder
 //! - `BUNRAKU_MAP`: path of a joint map as postcard bytes (`bunraku play --on qemu` makes it from a puppet.toml)
 //! - `BUNRAKU_CENTIHERTZ`: the rate to play at instead of the clip's own, in hundredths of a hertz
 //!

@@ -2,6 +2,7 @@
 
 pub mod compare;
 pub mod decode;
+pub mod demo;
 pub mod encode;
 pub mod info;
 mod input;

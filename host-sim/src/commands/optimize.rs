@@ -13,8 +13,8 @@ use std::time::Duration;
 
 /// Find the QMD parameters FDF, b and n_d with the least bytes × error (QMD 5.3).
 ///
-/// The pruned search gives the optimum of the exhaustive one wherever an error does not grow by more than six times
-/// as FDF grows; --exhaustive encodes them all. Without --max-bytes a clip may be as large as the motion in
+/// The pruned search gives the optimum of the exhaustive one wherever an error no more than doubles as FDF grows
+/// (with --faithful: grows sixfold); --exhaustive encodes them all. Without --max-bytes a clip may be as large as the motion in
 /// float32, and then nearly all channels become floats: say what you can spend.
 #[derive(clap::Args)]
 #[command(

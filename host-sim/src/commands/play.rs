@@ -75,7 +75,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     };
     let recording = recording.with_context(|| format!("cannot play {name}"))?;
     if let Some(log) = &args.log {
-        write(log, &recording)?;
+        write_log(log, &recording)?;
     }
     let servos = map.joints().len();
     let duration = map.tick_micros(recording.ticks);
@@ -104,12 +104,7 @@ fn centihertz(fps: f64) -> Result<u16> {
     Ok(rate as u16)
 }
 
-fn write(path: &Path, recording: &Recording) -> Result<()> {
-    files::write(path, |file| {
-        writeln!(file, "time_s,servo,goal_position")?;
-        for goal in &recording.goals {
-            writeln!(file, "{},{},{}", seconds(goal.time_us), goal.id, goal.position)?;
-        }
-        Ok(())
-    })
+/// Writes what the servos were told, a line for every goal.
+pub fn write_log(path: &Path, recording: &Recording) -> Result<()> {
+    files::write(path, |file| Ok(recording.write_csv(file)?))
 }

@@ -15,12 +15,11 @@ struct Puppet {
 #[derive(Deserialize)]
 struct Joint {
     id: u8,
-    min_goal: Option<i32>,
-    max_goal: Option<i32>,
+    goal_range: Option<[i32; 2]>,
 }
 
-/// Reads the servos of a puppet: an `id` for each `[[joint]]`, and as position limits `min_goal` and `max_goal` (0 to
-/// 4095) where given.
+/// Reads the servos of a puppet: an `id` for each `[[joint]]`, and as position limits its `goal_range` (0 to 4095)
+/// where given.
 ///
 /// # Errors
 /// A sentence with the file and, for what is not TOML or no number, the line.
@@ -34,11 +33,9 @@ fn parse(text: &str) -> anyhow::Result<BusConfig> {
     ensure!(!puppet.joint.is_empty(), "found no table [[joint]], expected one with an id for each servo");
     let servos = puppet.joint.iter().map(|joint| {
         let factory = ServoConfig::new(joint.id);
-        ServoConfig {
-            min_position: joint.min_goal.unwrap_or(factory.min_position),
-            max_position: joint.max_goal.unwrap_or(factory.max_position),
-            ..factory
-        }
+        let [one, other] = joint.goal_range.unwrap_or([factory.min_position, factory.max_position]);
+        let (min_position, max_position) = (one.min(other), one.max(other));
+        ServoConfig { min_position, max_position, ..factory }
     });
     Ok(BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) })
 }
@@ -49,8 +46,7 @@ mod tests {
 
     #[test]
     fn takes_ids_and_limits_and_leaves_the_rest_to_others() {
-        let text =
-            "name = 'marionette'\n[[joint]]\nid = 7\nscale = 1.5\n[[joint]]\nid = 3\nmin_goal = 1000\n";
+        let text = "name = 'marionette'\n[[joint]]\nid = 7\nscale = 1.5\n[[joint]]\nid = 3\ngoal_range = [1000, 4095]\n";
         let config = parse(text).unwrap();
         assert_eq!(
             config.servos,

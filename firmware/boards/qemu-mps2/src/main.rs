@@ -8,9 +8,10 @@ mod exit;
 mod time;
 mod uart;
 
+use core::num::NonZeroU16;
 use decoder_core::{I16F16, Limits, qmd};
 use embassy_executor::Spawner;
-use embassy_time::{Instant, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use firmware::drive::{buffer_len, drive};
 use firmware::map::{JointMap, MAX_SERVOS};
 use firmware::player::{Player, Repeat};
@@ -24,9 +25,9 @@ const TABLE: usize = 256;
 static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip.qmd"));
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 
-/// Rate to play at where the clip does not say its own, in hundredths of a hertz; 0 if none was given.
-const CENTIHERTZ: u16 = match u16::from_str_radix(env!("BUNRAKU_CENTIHERTZ"), 10) {
-    Ok(rate) => rate,
+/// Rate to play at instead of the clip's own, in hundredths of a hertz, if one was given.
+const CENTIHERTZ: Option<NonZeroU16> = match u16::from_str_radix(env!("BUNRAKU_CENTIHERTZ"), 10) {
+    Ok(rate) => NonZeroU16::new(rate),
     Err(_) => panic!("BUNRAKU_CENTIHERTZ must be 0 to 65535"),
 };
 
@@ -52,7 +53,7 @@ async fn main(_spawner: Spawner) {
         Ok(decoder) => decoder,
         Err(error) => defmt::panic!("decoder: {}", error),
     };
-    let rate = if CENTIHERTZ > 0 { CENTIHERTZ } else { clip.rate_centihertz() };
+    let rate = CENTIHERTZ.map_or(clip.rate_centihertz(), NonZeroU16::get);
     let mut player = match Player::new(decoder, rate, &map, Repeat::Once) {
         Ok(player) => player,
         Err(error) => defmt::panic!("player: {}", error),
@@ -64,7 +65,7 @@ async fn main(_spawner: Spawner) {
 
     defmt::info!("{} frames at {} cHz on {} servos", clip.frames(), rate, map.joints().len());
     let start = Instant::now();
-    let due = |tick| start + embassy_time::Duration::from_micros(map.tick_micros(tick));
+    let due = |tick| start + Duration::from_micros(map.tick_micros(tick));
     let mut buffer = [0; buffer_len(MAX_SERVOS)];
     let played = drive(&mut player, &mut bus, &mut buffer, async |tick| Timer::at(due(tick)).await).await;
     match played {

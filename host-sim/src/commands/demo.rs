@@ -1,0 +1,99 @@
+//! `bunraku demo`: the whole way of the data, on the embedded clip.
+
+use super::play::write_log;
+use anyhow::{Context, Result, bail};
+use decoder_core::Limits;
+use decoder_core::qmd::Clip;
+use encoder::export::amc::{self, Rotations};
+use encoder::qmd::{self, Method, Parameters};
+use encoder::{metrics, sample};
+use host_sim::puppet::Puppet;
+use host_sim::{files, play};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Encode, compare and play the embedded clip: a small puppet that walks and waves.
+///
+/// The clip comes from a formula, so no data is needed. All files on the way are kept, as examples.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  bunraku demo --output demo --qemu")]
+pub struct Args {
+    /// Folder for the files; it is made if it is not there.
+    #[arg(short, long, value_name = "FOLDER")]
+    output: PathBuf,
+    /// Also play on a Cortex-M4 in QEMU, and check that its servos are told the same.
+    #[arg(long)]
+    qemu: bool,
+}
+
+/// The puppet of the embedded clip, which is also an example for people to start from.
+const PUPPET: &str = include_str!("../../../puppets/sample.toml");
+
+pub fn run(args: Args) -> Result<ExitCode> {
+    let folder = args.output.as_path();
+    fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let original = sample::clip();
+    let (frames, channels) = (original.motion.frames(), original.motion.channels);
+    println!(
+        "A puppet of {} joints and {channels} channels walks and waves: {frames} frames at {} fps.\n",
+        original.skeleton.joints.len(),
+        original.motion.fps
+    );
+    save(folder, "puppet.asf", sample::asf().as_bytes())?;
+    save(folder, "puppet.toml", PUPPET.as_bytes())?;
+    files::write(&folder.join("walk.amc"), |mut file| {
+        Ok(amc::write(&mut file, &original.skeleton, &original.motion, Rotations::AsTheyAre)?)
+    })?;
+
+    println!("                        bytes    mean joint error   worst joint");
+    println!("float32               {:>7}", frames * channels * 4);
+    encode(folder, "faithful.qmd", "QMD, paper's encoder", &original, Method::FAITHFUL)?;
+    let bytes = encode(folder, "walk.qmd", "QMD, ours", &original, Method::ClosedLoop)?;
+
+    let clip = Clip::parse(&bytes, Limits::MAX)?;
+    let path = folder.join("puppet.toml");
+    let map = Puppet::read(&path)?.map(&original.skeleton)?;
+    let host = play::on_host(&clip, &map, 0)?;
+    write_log(&folder.join("host.csv"), &host)?;
+    println!("\nThe player told {} virtual servos {} goal positions.", map.joints().len(), host.goals.len());
+    if args.qemu {
+        println!("Building the firmware, and playing on a Cortex-M4 in QEMU ...");
+        let board = play::on_qemu(&bytes, &map, 0, &mut |line| println!("  {line}"))?;
+        write_log(&folder.join("cortex-m4.csv"), &board)?;
+        if board != host {
+            bail!(
+                "the Cortex-M4 told its servos something else: compare {0}/host.csv and {0}/cortex-m4.csv",
+                folder.display()
+            );
+        }
+        println!("The Cortex-M4 told them the same, goal by goal.");
+    }
+    println!("\nThe files are in {}.", folder.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+fn save(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
+    files::write(&folder.join(name), |file| Ok(file.write_all(bytes)?))
+}
+
+/// Encodes with the parameters of the paper's Table 1, prints how well that went, and gives the clip.
+fn encode(
+    folder: &Path,
+    name: &str,
+    title: &str,
+    original: &encoder::Clip,
+    method: Method,
+) -> Result<Vec<u8>> {
+    let bytes = qmd::encode(original, Parameters::TABLE_1, method)?;
+    save(folder, name, &bytes)?;
+    let decoded = qmd::decode(&bytes)?;
+    let report = metrics::compare(&original.skeleton, &original.motion, &decoded, bytes.len() as u64)?;
+    println!(
+        "{title:<21} {:>7}    {:>10.5} cm      {:>8.4} cm",
+        bytes.len(),
+        report.mean_joint_cm,
+        report.max_joint_cm
+    );
+    Ok(bytes)
+}

@@ -1,0 +1,12 @@
+//! Names the linker scripts.
+fn main() {
+    let folder = env!("CARGO_MANIFEST_DIR");
+    println!("cargo:rerun-if-changed={folder}/microbit.x");
+    // memory.x, at the top of the workspace, is that of the M4 and the M3 board.
+    println!("cargo:rustc-link-search={folder}/../..");
+    println!("cargo:rustc-link-arg-bins=--nmagic");
+    println!("cargo:rustc-link-arg-bins=-Tlink.x");
+    if std::env::var("TARGET").is_ok_and(|target| target.starts_with("thumbv6m")) {
+        println!("cargo:rustc-link-arg-bins=-T{folder}/microbit.x");
+    }
+}

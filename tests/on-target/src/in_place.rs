@@ -1,0 +1,57 @@
+//! Reads the clip that its argument names, decodes it in place, with a lent table and without, and prints the hash
+//! of the frames.
+#![no_std]
+#![no_main]
+
+mod common;
+
+use common::{Frames, open};
+use core::ptr::addr_of_mut;
+use cortex_m as _;
+use cortex_m_rt::entry;
+use decoder_core::qmd::Clip;
+use decoder_core::{I16F16, Limits};
+use semihosting::io::Read;
+use semihosting::process;
+
+/// Longest clip.
+const BYTES: usize = 1 << 20;
+/// Most channels.
+const CHANNELS: usize = 4096;
+/// Longest table: index bits 16.
+const TABLE: usize = 1 << 16;
+
+static mut CLIP: [u8; BYTES] = [0; BYTES];
+static mut POSE: [I16F16; CHANNELS] = [I16F16::ZERO; CHANNELS];
+static mut WORDS: [i32; TABLE] = [0; TABLE];
+
+#[entry]
+fn main() -> ! {
+    // SAFETY: `main` runs once, and nothing else uses the buffers.
+    let (buffer, pose, words) =
+        unsafe { (&mut *addr_of_mut!(CLIP), &mut *addr_of_mut!(POSE), &mut *addr_of_mut!(WORDS)) };
+    let mut file = open();
+    let mut length = 0;
+    loop {
+        let free = buffer.get_mut(length..).filter(|free| !free.is_empty()).expect("the clip is too long");
+        match file.read(free).expect("the clip cannot be read") {
+            0 => break,
+            count => length += count,
+        }
+    }
+    let clip = Clip::parse(&buffer[..length], Limits::MAX).unwrap_or_else(|error| panic!("{error}"));
+    let lent = hash(&clip, pose, Some(words));
+    let bare = hash(&clip, pose, None);
+    assert!(lent == bare, "a lent table changes the frames: {lent} with, {bare} without");
+    semihosting::println!("{lent}");
+    process::exit(0)
+}
+
+fn hash(clip: &Clip<'_>, pose: &mut [I16F16], words: Option<&mut [i32]>) -> common::Hash {
+    let mut decoder = clip.decoder(pose, words).unwrap_or_else(|error| panic!("{error}"));
+    let mut frames = Frames::new();
+    while let Some(frame) = decoder.next_frame() {
+        frames.add(frame);
+    }
+    frames.finish()
+}

@@ -1,0 +1,126 @@
+//! The player gives the same goals here and on the Cortex-M4 board under QEMU.
+#![allow(clippy::unwrap_used)]
+
+use bunraku_tests::{bunraku, motion, require_program, require_target, workspace};
+use encoder::sample;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const BOARD_TARGET: &str = "thumbv7em-none-eabi";
+
+fn succeeds(command: &mut Command) -> String {
+    let Output { status, stdout, stderr } = command.output().unwrap();
+    assert!(status.success(), "{command:?}: {}", String::from_utf8_lossy(&stderr));
+    String::from_utf8(stdout).unwrap()
+}
+
+fn can_run_the_board() -> bool {
+    require_target(BOARD_TARGET) && require_program("qemu-system-arm")
+}
+
+/// Encodes a motion of `skeleton` in `folder`, plays it on the puppet, and gives the report and the log.
+fn play(
+    folder: &Path,
+    motion: &Path,
+    skeleton: &Path,
+    puppet: &str,
+    on: &str,
+) -> (serde_json::Value, String) {
+    let (clip, log) = (folder.join("clip.qmd"), folder.join(on).with_extension("csv"));
+    succeeds(bunraku().arg("encode").arg(motion).arg("--skeleton").arg(skeleton).arg("-o").arg(&clip));
+    let puppet = workspace().join("puppets").join(puppet);
+    let report = succeeds(
+        bunraku()
+            .arg("play")
+            .arg(clip)
+            .args(["--on", on, "--json", "--puppet"])
+            .arg(puppet)
+            .arg("--skeleton")
+            .arg(skeleton)
+            .arg("--log")
+            .arg(&log),
+    );
+    (serde_json::from_str(&report).unwrap(), fs::read_to_string(log).unwrap())
+}
+
+fn write_sample(folder: &Path) -> (PathBuf, PathBuf) {
+    let (skeleton, motion) = (folder.join("sample.asf"), folder.join("sample.amc"));
+    let clip = sample::clip();
+    fs::write(&skeleton, sample::asf()).unwrap();
+    let mut amc = Vec::new();
+    let rotations = encoder::export::amc::Rotations::AsTheyAre;
+    encoder::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
+    fs::write(&motion, amc).unwrap();
+    (motion, skeleton)
+}
+
+fn same_on_both(motion: &Path, skeleton: &Path, puppet: &str, ticks: usize) {
+    let folder = tempfile::tempdir().unwrap();
+    let (report, here) = play(folder.path(), motion, skeleton, puppet, "host");
+    assert_eq!(report["ticks"], ticks);
+    assert_eq!(here.lines().count(), 1 + 12 * ticks);
+    assert_eq!(here.lines().next(), Some("time_s,servo,goal_position"));
+    if can_run_the_board() {
+        let (_, there) = play(folder.path(), motion, skeleton, puppet, "qemu");
+        assert!(here == there, "the logs of {} differ", motion.display());
+    }
+}
+
+#[test]
+fn the_cmu_walk_is_the_same_on_the_board() {
+    let Some(folder) = motion() else { return };
+    let folder = folder.join("cmu");
+    // 343 frames at 120 Hz: ⌈342 · 50 / 120⌉ + 1 ticks.
+    same_on_both(&folder.join("02_01.amc"), &folder.join("02.asf"), "cmu-12.toml", 144);
+}
+
+#[test]
+fn the_sample_is_the_same_on_the_board() {
+    let folder = tempfile::tempdir().unwrap();
+    let (motion, skeleton) = write_sample(folder.path());
+    // An AMC has no rate, so 480 frames play at 120 Hz: ⌈479 · 50 / 120⌉ + 1 ticks.
+    same_on_both(&motion, &skeleton, "sample.toml", 201);
+}
+
+#[test]
+fn cargo_run_in_the_boards_folder_plays_the_sample() {
+    if !can_run_the_board() {
+        return;
+    }
+    let said = succeeds(
+        Command::new("cargo")
+            .args(["run", "--quiet"])
+            .current_dir(workspace().join("firmware/boards/qemu-mps2")),
+    );
+    assert_eq!(said, "info: 480 frames at 6000 cHz on 12 servos\ninfo: played 401 ticks in 8000 ms\n");
+}
+
+#[test]
+fn a_wrong_puppet_is_one_sentence_and_no_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let (motion, skeleton) = write_sample(folder.path());
+    let (clip, log) = (folder.path().join("clip.qmd"), folder.path().join("log.csv"));
+    succeeds(bunraku().arg("encode").arg(&motion).arg("--skeleton").arg(&skeleton).arg("-o").arg(&clip));
+    let sample = fs::read_to_string(workspace().join("puppets/sample.toml")).unwrap();
+    let refused = |puppet: &str, arguments: &[&str], expected: &str| {
+        let path = folder.path().join("puppet.toml");
+        fs::write(&path, puppet).unwrap();
+        let mut command = bunraku();
+        command.arg("play").arg(&clip).arg("--puppet").arg(&path).arg("--log").arg(&log).args(arguments);
+        let Output { status, stderr, .. } = command.output().unwrap();
+        let said = String::from_utf8(stderr).unwrap();
+        assert_eq!(status.code(), Some(1), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+        assert!(said.contains(expected), "{expected:?} is not in {said:?}");
+        assert!(!log.exists());
+    };
+    let skeleton = ["--skeleton", skeleton.to_str().unwrap()];
+    let unknown = sample.replace("rtibia.rx", "rshin.rx");
+    refused(&unknown, &skeleton, "key \"channel\": the skeleton has no joint \"rshin\"");
+    refused(&sample, &[], "names no skeleton");
+    refused("joint = 3", &skeleton, "puppet.toml, line 1, key \"joint\"");
+    refused(&sample.replace("[[joint]]", "[[joint]"), &skeleton, "puppet.toml, line");
+    let [flag, path] = skeleton;
+    refused(&sample, &[flag, path, "--fps", "1000"], "--fps is 1000, expected 0.01 to 655.35");
+}
