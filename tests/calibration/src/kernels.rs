@@ -15,7 +15,7 @@ fn panic(_: &PanicInfo<'_>) -> ! {
     loop {}
 }
 
-global_asm!(".section .vectors, \"a\"", ".word _stack_start", ".word start + 1");
+global_asm!(".section .vectors, \"a\"", ".word _stack_start", ".word start");
 
 /// Keeps the kernels in the image.
 #[unsafe(no_mangle)]

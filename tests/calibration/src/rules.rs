@@ -14,7 +14,7 @@ fn panic(_: &PanicInfo<'_>) -> ! {
 global_asm!(
     ".section .vectors, \"a\"",
     ".word _stack_start",
-    ".word start + 1",
+    ".word start",
     ".text",
     ".global start",
     ".type start, %function",
