@@ -14,13 +14,16 @@ const LIMIT: u64 = 100_000_000;
 
 /// Calls a function of the image and gives its result and its cycles.
 fn call(machine: &mut Machine, function: &str, arguments: &[u32], stacked: &[u32]) -> (u32, u64) {
-    let address = machine.image().symbol(function).unwrap_or_else(|| panic!("{function} is not in the image"));
+    let address =
+        machine.image().symbol(function).unwrap_or_else(|| panic!("{function} is not in the image"));
     let sp = machine.cpu.r[13] - 8 * (stacked.len() as u32).div_ceil(2);
     let words: Vec<u8> = stacked.iter().flat_map(|word| word.to_le_bytes()).collect();
     assert!(machine.memory.load(sp, &words));
     machine.cpu.r[13] = sp;
     let before = machine.usage().cycles;
-    let stop = machine.call(address, arguments, before + LIMIT).unwrap_or_else(|fault| panic!("{function}: {fault}"));
+    let stop = machine
+        .call(address, arguments, before + LIMIT)
+        .unwrap_or_else(|fault| panic!("{function}: {fault}"));
     assert_eq!(stop, Stop::Returned, "{function}");
     machine.cpu.r[13] = sp + 8 * (stacked.len() as u32).div_ceil(2);
     (machine.cpu.r[0], machine.usage().cycles - before)
@@ -62,13 +65,19 @@ fn p256(image: &Image, waits: Waits, flash: &str) -> f64 {
         assert_eq!(result & 0xff, 1, "{name} failed");
         let error = cycles as f64 / published / 1000.0 - 1.0;
         let error_percent = error * 100.0;
-        println!("cortex-m4, {flash}, p256 {name}: published {published}k, simulated {cycles} ({error_percent:+.2} %)");
+        println!(
+            "cortex-m4, {flash}, p256 {name}: published {published}k, simulated {cycles} ({error_percent:+.2} %)"
+        );
         worst = worst.max(error.abs());
     };
     check("keygen", 327.0, call(&mut machine, "p256_keygen", &[x, y, private], &[]));
     check("sign", 375.0, call(&mut machine, "p256_sign", &[r, s, hash, 32], &[private, hash]));
     check("verify", 976.0, call(&mut machine, "p256_verify", &[x, y, hash, 32], &[r, s]));
-    check("shared secret", 906.0, call(&mut machine, "p256_ecdh_calc_shared_secret", &[secret, private, x, y], &[]));
+    check(
+        "shared secret",
+        906.0,
+        call(&mut machine, "p256_ecdh_calc_shared_secret", &[secret, private, x, y], &[]),
+    );
     worst
 }
 
@@ -119,7 +128,9 @@ fn kernels_on_an_m0plus_as_in_rp2040js() {
 fn npm_package(name: &str) -> Option<PathBuf> {
     let folder = bunraku_tests::workspace().join("target/npm/node_modules").join(name);
     if !folder.is_dir() {
-        bunraku_tests::skip(&format!("the npm package {name} is not in target/npm (run `cargo xtask setup`)"));
+        bunraku_tests::skip(&format!(
+            "the npm package {name} is not in target/npm (run `cargo xtask setup`)"
+        ));
         return None;
     }
     require_program("node").then_some(folder)

@@ -115,11 +115,16 @@ fn is_unpredictable(insn: &Insn, in_it: bool) -> bool {
         if matches!(insn.op, Op::Ldrd) && insn.d == insn.a {
             return true;
         }
-        if matches!(insn.class, Class::LoadDouble) && insn.writes_back() && (insn.d == insn.n || insn.a == insn.n) {
+        if matches!(insn.class, Class::LoadDouble)
+            && insn.writes_back()
+            && (insn.d == insn.n || insn.a == insn.n)
+        {
             return true;
         }
     }
-    if in_it && matches!(insn.class, Class::Branch | Class::Call | Class::CallRegister | Class::BranchRegister) {
+    if in_it
+        && matches!(insn.class, Class::Branch | Class::Call | Class::CallRegister | Class::BranchRegister)
+    {
         return true;
     }
     // CMP of two low registers in the form for high ones; ADD and MOV that write the pc.
@@ -259,7 +264,10 @@ impl Generator {
                     return None;
                 }
                 let insn = self.decode(&next, state);
-                let fits = can_run(&insn) && !is_unpredictable(&insn, true) && insn.op != Op::Cbz && insn.op != Op::Cbnz;
+                let fits = can_run(&insn)
+                    && !is_unpredictable(&insn, true)
+                    && insn.op != Op::Cbz
+                    && insn.op != Op::Cbnz;
                 // What was loaded differs from the trial, and so would an address made of it.
                 let known = insn.address & written == 0;
                 (fits && known && insn.class != Class::Branch).then_some((next, insn))
@@ -359,7 +367,14 @@ const DUMPED: [&str; 16] = [
     "apsr", "r8", "r9", "r10", "r11", "r12", "lr", "sp - 32", "r0", "r1", "r2", "r3", "r4", "r5", "r6", "r7",
 ];
 
-fn compare(core: Core, machine: &str, board: &Board, instructions: usize, runs: u32, images: &[(&str, &str)]) -> usize {
+fn compare(
+    core: Core,
+    machine: &str,
+    board: &Board,
+    instructions: usize,
+    runs: u32,
+    images: &[(&str, &str)],
+) -> usize {
     if !require_target(core.target()) || !require_program("qemu-system-arm") {
         return 0;
     }
@@ -372,7 +387,10 @@ fn compare(core: Core, machine: &str, board: &Board, instructions: usize, runs: 
     // What may be reached while a case is tried: the code that is run and the scratch memory.
     let flash = board.regions[0].clone();
     let narrow = Board {
-        regions: vec![flash, Region::new("the image's code and scratch memory", ram, SCRATCH_END as usize, true)],
+        regions: vec![
+            flash,
+            Region::new("the image's code and scratch memory", ram, SCRATCH_END as usize, true),
+        ],
         ..board.clone()
     };
     let mut trial = Machine::new(core, &narrow, &image).unwrap();

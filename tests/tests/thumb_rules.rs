@@ -32,7 +32,9 @@ fn check(core: Core, board: &Board, rules: &[Rule], column: usize) -> Vec<String
         let symbol = |end: &str| image.symbol(&format!("{end}_{}", rule.name)).unwrap() & !1;
         let (begin, end) = (symbol("begin"), symbol("end"));
         let mut machine = Machine::new(core, board, &image).unwrap();
-        for (register, value) in [(2, 4), (3, 7), (4, ram + 0x100), (5, ram + 0x200), (6, ram + 0x300), (7, ram + 0x400)] {
+        for (register, value) in
+            [(2, 4), (3, 7), (4, ram + 0x100), (5, ram + 0x200), (6, ram + 0x300), (7, ram + 0x400)]
+        {
             machine.cpu.r[register] = value;
         }
         assert!(machine.memory.load(ram + 0x100, &(ram + 0x500).to_le_bytes()));
@@ -50,7 +52,11 @@ fn check(core: Core, board: &Board, rules: &[Rule], column: usize) -> Vec<String
         println!("{:28} {:30} counted {counted:3}, simulated {measured:3}", core.name(), rule.name);
         if measured != counted {
             let code = rule.code.join("; ");
-            wrong.push(format!("{} {}: {code}: counted {counted}, simulated {measured}", core.name(), rule.name));
+            wrong.push(format!(
+                "{} {}: {code}: counted {counted}, simulated {measured}",
+                core.name(),
+                rule.name
+            ));
         }
     }
     wrong

@@ -12,11 +12,7 @@ fn panic(_: &PanicInfo<'_>) -> ! {
     loop {}
 }
 
-global_asm!(
-    ".section .vectors, \"a\"",
-    ".word _stack_start",
-    ".word start",
-);
+global_asm!(".section .vectors, \"a\"", ".word _stack_start", ".word start",);
 
 #[unsafe(no_mangle)]
 extern "C" fn start() -> ! {

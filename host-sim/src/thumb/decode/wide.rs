@@ -97,7 +97,8 @@ fn dual(arch: Arch, pc: u32, first: u32, second: u32) -> Insn {
     if kind >= 2 {
         // A second register is not there, and neither is a status unless the store is exclusive.
         let with_status = !load && (kind < 8 || kind >= 12);
-        let status_fits = if with_status { !sp_or_pc(status) && status != t && status != n } else { status == 15 };
+        let status_fits =
+            if with_status { !sp_or_pc(status) && status != t && status != n } else { status == 15 };
         if t2 != 15 || sp_or_pc(t) || !status_fits {
             return undefined(4);
         }
@@ -154,7 +155,11 @@ fn shifted_register(arch: Arch, first: u32, second: u32) -> Insn {
     let (shift, amount) = immediate_shift(bits(second, 4, 2), bits(second, 12, 3) << 2 | bits(second, 6, 2));
     let plain = shift == Shift::Lsl && amount == 0;
     if number == 6 {
-        if arch < Arch::V7EM || s || bits(second, 4, 1) != 0 || [n, d, m].iter().any(|&register| sp_or_pc(register)) {
+        if arch < Arch::V7EM
+            || s
+            || bits(second, 4, 1) != 0
+            || [n, d, m].iter().any(|&register| sp_or_pc(register))
+        {
             return undefined(4);
         }
         let imm = bits(second, 5, 1);
@@ -278,8 +283,7 @@ fn single(pc: u32, first: u32, second: u32) -> Insn {
         }
         let offset = bits(second, 0, 12);
         let here = (pc & !3).wrapping_add(4);
-        let imm =
-            if first & 1 << 7 != 0 { here.wrapping_add(offset) } else { here.wrapping_sub(offset) };
+        let imm = if first & 1 << 7 != 0 { here.wrapping_add(offset) } else { here.wrapping_sub(offset) };
         return insn(Insn { n: 15, imm, index: Index::Literal, ..base });
     }
     if !load && t == 15 {
