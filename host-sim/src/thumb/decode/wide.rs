@@ -79,7 +79,8 @@ fn dual(arch: Arch, pc: u32, first: u32, second: u32) -> Insn {
             Insn { a: t, n, imm, amount: bytes, s: true, ..Insn::new(Op::StoreRelease, Class::Store, 4) }
         }
     };
-    if n == 15 {
+    let table_branch = up && load && bits(second, 5, 3) == 0;
+    if n == 15 && !table_branch {
         return undefined(4);
     }
     if !up {
