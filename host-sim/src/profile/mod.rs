@@ -1,0 +1,15 @@
+//! What a clip costs on a microcontroller: cycles, memory and energy, from the machine code that would run there.
+//!
+//! The clip is linked into a bare image (`tests/profile-image`), which is built for the core and run on the simulator
+//! in [`thumb`](crate::thumb). A frame's cycles are those from the first instruction of its function to the return,
+//! so measuring adds nothing to the image; every frame is compared with what the decoder gives on this machine.
+
+pub mod baseline;
+pub mod elf;
+pub mod html;
+pub mod measure;
+pub mod parts;
+pub mod report;
+
+pub use measure::Measured;
+pub use report::{CoreReport, Report};
