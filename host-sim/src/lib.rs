@@ -3,7 +3,9 @@
 
 pub mod board;
 pub mod files;
+pub mod image;
 pub mod play;
+pub mod profile;
 pub mod puppet;
 pub mod qemu;
 mod qemu_log;

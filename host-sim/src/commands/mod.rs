@@ -8,6 +8,7 @@ pub mod info;
 mod input;
 pub mod optimize;
 pub mod play;
+pub mod profile;
 pub mod qemu;
 pub mod servos;
 pub mod table1;

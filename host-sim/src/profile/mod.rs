@@ -6,10 +6,12 @@
 
 pub mod baseline;
 pub mod elf;
+pub mod flame;
 pub mod html;
 pub mod measure;
 pub mod parts;
 pub mod report;
+mod svg;
 
 pub use measure::Measured;
 pub use report::{CoreReport, Report};

@@ -1,6 +1,7 @@
 //! What `bunraku profile` reports of a clip, core by core.
 
 use super::elf::{Memory, Section};
+use super::flame::Node;
 use super::measure::Measured;
 use super::parts::Energy;
 use crate::thumb::Core;
@@ -112,6 +113,9 @@ pub struct CoreReport {
     /// Cycles of each frame, for plots.
     #[serde(skip)]
     pub frame_cycles: Vec<u64>,
+    /// Cycles of functions and of what is inlined in them, for plots.
+    #[serde(skip)]
+    pub flame: Node,
 }
 
 /// A function's part of the frames' cycles.
@@ -181,6 +185,7 @@ impl CoreReport {
             frame_share_max: max as f64 * rate_hz / clock_hz,
             energy: None,
             frame_cycles: frames,
+            flame: measured.flame,
         })
     }
 }
