@@ -4,6 +4,7 @@
 pub mod board;
 pub mod files;
 pub mod image;
+pub mod peers;
 pub mod play;
 pub mod profile;
 pub mod puppet;

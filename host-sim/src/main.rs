@@ -24,6 +24,7 @@ enum Command {
     Profile(commands::profile::Args),
     Qemu(commands::qemu::Args),
     Demo(commands::demo::Args),
+    Bench(commands::bench::Args),
     Table1(commands::table1::Args),
     Servos(commands::servos::Args),
 }
@@ -54,6 +55,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Profile(args) => commands::profile::run(args),
         Command::Qemu(args) => commands::qemu::run(args),
         Command::Demo(args) => commands::demo::run(args),
+        Command::Bench(args) => commands::bench::run(args),
         Command::Table1(args) => commands::table1::run(args),
         Command::Servos(args) => commands::servos::run(args),
     }

@@ -5,7 +5,7 @@ use decoder_core::qmd::Clip;
 use decoder_core::{I16F16, Limits};
 use encoder::qmd::{Method, Parameters};
 use host_sim::files;
-use host_sim::image::Image;
+use host_sim::profile;
 use host_sim::profile::baseline::Baseline;
 use host_sim::profile::parts::{PARTS, Part};
 use host_sim::profile::report::{Budget, Simulation, Subject, Table};
@@ -208,17 +208,7 @@ fn build(clip: &[u8], cores: &[Core], table: Table) -> Result<Vec<Vec<u8>>> {
     let spinner = ProgressBar::new_spinner();
     spinner.set_message(format!("building the decoder for {}", targets.join(", ")));
     spinner.enable_steady_tick(Duration::from_millis(100));
-    let image = Image {
-        package: "profile-image",
-        source: "tests/profile-image",
-        binary: "decode",
-        features: "",
-        targets: &targets,
-        folder: "profile",
-        files: &[("BUNRAKU_CLIP", "clip.qmd", clip)],
-        variables: &[("BUNRAKU_TABLE", if table == Table::None { "none" } else { "lent" })],
-    };
-    let images = image.build()?;
+    let images = profile::images(clip, &targets, table == Table::Lent)?;
     spinner.finish_and_clear();
     let of = |core: &Core| {
         let built = targets.iter().zip(&images).find(|(target, _)| **target == core.target());

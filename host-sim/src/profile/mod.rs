@@ -15,3 +15,25 @@ mod svg;
 
 pub use measure::Measured;
 pub use report::{CoreReport, Report};
+
+use crate::image::Image;
+use anyhow::Result;
+
+/// Builds the image that decodes `clip` for each of Rust's `targets`, whose decoder is lent memory for its table or
+/// not.
+///
+/// # Errors
+/// As [`Image::build`].
+pub fn images(clip: &[u8], targets: &[&str], lent: bool) -> Result<Vec<Vec<u8>>> {
+    let image = Image {
+        package: "profile-image",
+        source: "tests/profile-image",
+        binary: "decode",
+        features: "",
+        targets,
+        folder: "profile",
+        files: &[("BUNRAKU_CLIP", "clip.qmd", clip)],
+        variables: &[("BUNRAKU_TABLE", if lent { "lent" } else { "none" })],
+    };
+    image.build()
+}
