@@ -11,3 +11,4 @@ pub mod puppet;
 pub mod qemu;
 mod qemu_log;
 pub mod servos;
+pub mod thumb;

@@ -4,7 +4,7 @@ use crate::workspace;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// Builds the binary `binary` of package `package` for `target` with `profile` and gives its path.
+/// Builds the binary `binary` (`.wasm` where the target is WebAssembly) of package `package` for `target` with `profile` and gives its path.
 ///
 /// Each set of features has a target directory of its own, or tests that run side by side would overwrite each
 /// other's image.
@@ -24,7 +24,7 @@ pub fn image(package: &str, binary: &str, target: &str, profile: &str, features:
             "--package",
             package,
             "--bin",
-            binary,
+            binary.trim_end_matches(".wasm"),
             "--target",
             target,
             "--profile",

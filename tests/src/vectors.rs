@@ -1,8 +1,10 @@
 //! The golden vectors of `tests/vectors`.
 
-use crate::workspace;
+use crate::{motion, workspace};
 use decoder_core::qmd::Clip;
 use decoder_core::{Error, I16F16, Limits};
+use encoder::qmd::{Method, Parameters};
+use encoder::{import, qmd, sample};
 use sha2::{Digest, Sha256};
 use std::fs;
 use std::path::PathBuf;
@@ -39,6 +41,34 @@ pub fn all() -> Vec<Vector> {
         })
         .collect();
     assert!(!vectors.is_empty(), "SHA256SUMS lists no vectors");
+    vectors
+}
+
+/// The trials of the QMD paper's Table 1 (subject, trial).
+const TRIALS: [(&str, &str); 6] =
+    [("16", "16_46"), ("49", "49_04"), ("02", "02_02"), ("02", "02_01"), ("05", "05_03"), ("02", "02_07")];
+
+/// The golden vectors, and with them clips that our encoder makes and hashes of what this machine decodes: the
+/// embedded sample, and the six trials where they are there.
+///
+/// # Panics
+/// Where one cannot be read or encoded.
+pub fn with_trials() -> Vec<Vector> {
+    let mut vectors = all();
+    let mut add = |name: &str, clip: &encoder::Clip| {
+        let bytes = qmd::encode(clip, Parameters::TABLE_1, Method::ClosedLoop)
+            .unwrap_or_else(|error| panic!("{name}: {error}"));
+        let sha256 = sha256_of_frames(&bytes, true).unwrap_or_else(|error| panic!("{name}: {error}"));
+        vectors.push(Vector { name: name.to_owned(), bytes, sha256 });
+    };
+    add("sample", &sample::clip());
+    if let Some(motion) = motion() {
+        for (subject, trial) in TRIALS {
+            let file = |name: &str, kind| motion.join("cmu").join(name).with_extension(kind);
+            let clip = import::load(&file(trial, "amc"), Some(&file(subject, "asf")), None);
+            add(trial, &clip.unwrap_or_else(|error| panic!("{error}")));
+        }
+    }
     vectors
 }
 

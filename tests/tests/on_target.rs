@@ -1,17 +1,12 @@
 //! A clip's frames are the same bits on x86 and on Cortex-M0, M3 and M4, in place and streamed.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{cargo, motion, require_program, require_target, vectors};
-use encoder::qmd::{Method, Parameters, encode};
+use bunraku_tests::{cargo, require_program, require_target, vectors};
 use host_sim::qemu;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Duration;
-
-/// The trials of the QMD paper's Table 1 (subject, trial).
-const TRIALS: [(&str, &str); 6] =
-    [("16", "16_46"), ("49", "49_04"), ("02", "02_02"), ("02", "02_01"), ("05", "05_03"), ("02", "02_07")];
 
 /// The longest trial takes 2 s.
 const LIMIT: Duration = Duration::from_secs(120);
@@ -27,24 +22,12 @@ fn cases() -> &'static [Case] {
     static CASES: OnceLock<(tempfile::TempDir, Vec<Case>)> = OnceLock::new();
     let (_, cases) = CASES.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
-        let mut clips: Vec<(String, Vec<u8>)> =
-            vectors::all().into_iter().map(|vector| (vector.name, vector.bytes)).collect();
-        let coded = |clip: &encoder::Clip| encode(clip, Parameters::TABLE_1, Method::ClosedLoop).unwrap();
-        clips.push(("sample".to_owned(), coded(&encoder::sample::clip())));
-        if let Some(motion) = motion() {
-            for (subject, trial) in TRIALS {
-                let file = |name: &str, kind| motion.join("cmu").join(name).with_extension(kind);
-                let skeleton = file(subject, "asf");
-                let clip = encoder::import::load(&file(trial, "amc"), Some(&skeleton), None).unwrap();
-                clips.push((trial.to_owned(), coded(&clip)));
-            }
-        }
-        let cases = clips
+        let cases = vectors::with_trials()
             .into_iter()
-            .map(|(name, bytes)| {
-                let path = folder.path().join(name);
-                fs::write(&path, &bytes).unwrap();
-                Case { path, sha256: vectors::sha256_of_frames(&bytes, true).unwrap() }
+            .map(|vector| {
+                let path = folder.path().join(&vector.name);
+                fs::write(&path, &vector.bytes).unwrap();
+                Case { path, sha256: vector.sha256 }
             })
             .collect();
         (folder, cases)

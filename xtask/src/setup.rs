@@ -5,8 +5,9 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-/// Cortex-M0 and M0+, M3, M4 without FPU.
-const TARGETS: [&str; 3] = ["thumbv6m-none-eabi", "thumbv7m-none-eabi", "thumbv7em-none-eabi"];
+/// Cortex-M0 and M0+, M3, M4 without FPU, and browsers.
+const TARGETS: [&str; 4] =
+    ["thumbv6m-none-eabi", "thumbv7m-none-eabi", "thumbv7em-none-eabi", "wasm32-unknown-unknown"];
 
 /// What was found or installed.
 #[derive(Default)]

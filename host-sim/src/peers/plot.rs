@@ -57,14 +57,15 @@ fn draw(svg: &mut String, title: &str, entries: &[Entry]) -> Result<(), Box<dyn 
             let width = entry.name.len() as i32 * 7;
             let bounds = area.get_pixel_range();
             // Right of the point, or left of it where the picture ends.
-            let (at, from) = if left + 10 + width < bounds.0.end { (HPos::Left, left + 9) } else { (HPos::Right, left - 9 - width) };
+            let right_of_it = left + 10 + width < bounds.0.end;
+            let from = if right_of_it { left + 9 } else { left - 9 - width };
             let mut row = top;
             while taken.iter().any(|&(other, end, there)| from < end && other < from + width && (row - there).abs() < 13) {
                 row += 1;
             }
             taken.push((from, from + width, row));
+            let (at, anchor) = if right_of_it { (HPos::Left, from) } else { (HPos::Right, from + width) };
             let style = TextStyle::from(("sans-serif", 13).into_font()).color(&colour).pos(Pos::new(at, VPos::Center));
-            let anchor = if at == HPos::Left { from } else { from + width };
             area.draw_text(&entry.name, &style, (anchor - bounds.0.start, row - bounds.1.start))?;
         }
     }
