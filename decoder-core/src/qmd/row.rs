@@ -12,8 +12,13 @@ use fixed::types::I16F16;
 #[derive(Clone, Copy)]
 pub(super) enum Table<'t> {
     Floats(&'t [[u8; 4]]),
+    /// Of 8-bit indices. The compiler sees that a byte is always inside, and drops the check.
+    Narrow(&'t [i32; NARROW]),
     Words(&'t [i32]),
 }
+
+/// Entries of a table of 8-bit indices.
+pub(super) const NARROW: usize = 256;
 
 /// Converts a table of floats into fixed-point words.
 pub(super) fn convert(floats: &[[u8; 4]], words: &mut [i32]) {
@@ -32,60 +37,77 @@ pub(super) fn add(layout: Layout, row: &[u8], table: Table<'_>, pose: &mut [I16F
     else {
         return;
     };
-    let (floats, _) = floats.as_chunks::<4>();
-    for (value, &float) in exact.iter_mut().zip(floats) {
-        step(value, fixed(float));
+    if fixed_channels > 0 {
+        add_floats(exact, floats);
     }
-    if layout.index_bits == 8 {
-        // The compiler sees that a byte is always inside an array of 256, and drops the check.
-        match table {
-            Table::Words(words) => {
-                if let Some(words) = words.first_chunk::<256>() {
-                    let word = |&index: &u8| words.get(usize::from(index)).copied().unwrap_or(0);
-                    add_each::<GROUP, _>(looked_up, indices, word);
-                }
-            }
-            Table::Floats(floats) => {
-                if let Some(floats) = floats.first_chunk::<256>() {
-                    let float = |&index: &u8| floats.get(usize::from(index)).map_or(0, |&float| fixed(float));
-                    add_each::<1, _>(looked_up, indices, float);
-                }
-            }
-        }
-    } else {
-        // Bits of an index above `b` are not looked at, so there is always an entry.
-        let mask = layout.table_len().wrapping_sub(1);
-        let (indices, _) = indices.as_chunks::<2>();
-        let entry = |index: &[u8; 2]| usize::from(u16::from_le_bytes(*index)) & mask;
-        match table {
-            Table::Words(words) => {
-                add_each::<1, _>(looked_up, indices, |index| words.get(entry(index)).copied().unwrap_or(0));
-            }
-            Table::Floats(floats) => {
-                add_each::<1, _>(looked_up, indices, |index| {
-                    floats.get(entry(index)).map_or(0, |&float| fixed(float))
-                });
-            }
-        }
+    match table {
+        Table::Narrow(words) => add_words(looked_up, indices, words),
+        Table::Words(words) => add_wide(looked_up, indices, layout.index_bits, words),
+        Table::Floats(floats) => add_converted(looked_up, indices, layout.index_bits, floats),
     }
 }
 
 /// Channels that the hot path handles at a time: the loop's own instructions are shared by eight channels, and on
 /// Cortex-M4 loads follow each other.
-const GROUP: usize = 8;
+const GROUP: usize = 4;
+
+#[inline(never)]
+fn add_floats(values: &mut [I16F16], floats: &[u8]) {
+    let (floats, _) = floats.as_chunks::<4>();
+    add_each(values, floats, |&float| fixed(float));
+}
+
+#[inline(never)]
+fn add_wide(values: &mut [I16F16], indices: &[u8], index_bits: u8, words: &[i32]) {
+    if let Some(words) = words.first_chunk::<NARROW>() && index_bits == 8 {
+        add_words(values, indices, words);
+        return;
+    }
+    let (indices, _) = indices.as_chunks::<2>();
+    let mask = mask(index_bits);
+    add_each(values, indices, |index| words.get(entry(index, mask)).copied().unwrap_or(0));
+}
+
+#[inline(never)]
+fn add_converted(values: &mut [I16F16], indices: &[u8], index_bits: u8, floats: &[[u8; 4]]) {
+    if let Some(floats) = floats.first_chunk::<NARROW>() && index_bits == 8 {
+        add_each(values, indices, |&index| floats.get(usize::from(index)).map_or(0, |&float| fixed(float)));
+        return;
+    }
+    let (indices, _) = indices.as_chunks::<2>();
+    let mask = mask(index_bits);
+    add_each(values, indices, |index| floats.get(entry(index, mask)).map_or(0, |&float| fixed(float)));
+}
+
+/// Bits of an index above `b` are not looked at, so there is always an entry.
+const fn mask(index_bits: u8) -> usize {
+    1usize.wrapping_shl(index_bits as u32).wrapping_sub(1)
+}
+
+const fn entry(index: &[u8; 2], mask: usize) -> usize {
+    u16::from_le_bytes(*index) as usize & mask
+}
 
 /// Adds to each value what its index means, `N` of them at a time.
-#[inline(always)]
-fn add_each<const N: usize, I>(values: &mut [I16F16], indices: &[I], difference: impl Fn(&I) -> i32) {
-    let (values, last_values) = values.as_chunks_mut::<N>();
-    let (indices, last_indices) = indices.as_chunks::<N>();
-    // `zip` over arrays of a known length is unrolled.
+#[inline(never)]
+fn add_words(values: &mut [I16F16], indices: &[u8], words: &[i32; 256]) {
+    let count = values.len().min(indices.len());
+    let (Some(values), Some(indices)) = (values.get_mut(..count), indices.get(..count)) else { return };
+    let (values, last_values) = values.as_chunks_mut::<GROUP>();
+    let (indices, last_indices) = indices.as_chunks::<GROUP>();
+    let word = |index: &u8| words.get(usize::from(*index)).copied().unwrap_or(0);
+    add_each(last_values, last_indices, word);
     for (values, indices) in values.iter_mut().zip(indices) {
         for (value, index) in values.iter_mut().zip(indices) {
-            step(value, difference(index));
+            step(value, word(index));
         }
     }
-    for (value, index) in last_values.iter_mut().zip(last_indices) {
+}
+
+/// Adds to each value what its index means.
+#[inline(always)]
+fn add_each<I>(values: &mut [I16F16], indices: &[I], difference: impl Fn(&I) -> i32) {
+    for (value, index) in values.iter_mut().zip(indices) {
         step(value, difference(index));
     }
 }
