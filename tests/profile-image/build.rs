@@ -18,7 +18,8 @@ fn main() {
         .unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/qmd-many-channels.qmd"));
     let bytes = read(Path::new(&path));
     let clip = Clip::parse(&bytes, Limits::MAX).unwrap_or_else(|error| panic!("{path}: {error}"));
-    let table = if variable("BUNRAKU_TABLE").is_some_and(|lent| lent == "none") { 0 } else { clip.table_len() };
+    let table =
+        if variable("BUNRAKU_TABLE").is_some_and(|lent| lent == "none") { 0 } else { clip.table_len() };
     let nops = variable("BUNRAKU_NOPS").map_or(0, |nops| nops.parse().expect("BUNRAKU_NOPS is a number"));
     let sizes = format!(
         "/// Channels of the clip.\nconst CHANNELS: usize = {};\n/// Words lent for its table.\nconst TABLE: usize = {table};\n/// Instructions to waste in every frame.\nconst NOPS: usize = {nops};\n",

@@ -30,6 +30,17 @@ enum Lent<'s> {
     Words(&'s mut [i32]),
 }
 
+impl Lent<'_> {
+    /// Makes room for a segment's table, where there is any.
+    fn convert(&mut self, segment: Segment<'_>) {
+        match self {
+            Self::Nothing => {}
+            Self::Narrow(words) => row::convert(segment.table, words.as_mut_slice()),
+            Self::Words(words) => row::convert(segment.table, words),
+        }
+    }
+}
+
 impl<'a, 's> Decoder<'a, 's> {
     pub(super) fn new(
         clip: Clip<'a>,
@@ -37,7 +48,7 @@ impl<'a, 's> Decoder<'a, 's> {
         table: Option<&'s mut [i32]>,
     ) -> Result<Self, Error> {
         let pose = lent(pose, clip.channels(), Field::Pose)?;
-        let lent = match table {
+        let mut lent = match table {
             None => Lent::Nothing,
             Some(table) if clip.table_len() == NARROW => {
                 let lent = table.len();
@@ -48,9 +59,9 @@ impl<'a, 's> Decoder<'a, 's> {
         };
         let (segment, rest) = clip.first_segment();
         let row_bytes = clip.layout().row_bytes();
-        let mut decoder = Self { clip, pose, lent, segment, rest, row_bytes, position: 0 };
-        decoder.rewind();
-        Ok(decoder)
+        lent.convert(segment);
+        clip.initial_pose(pose);
+        Ok(Self { clip, pose, lent, segment, rest, row_bytes, position: 0 })
     }
 
     /// Decodes the next frame and returns its pose, an element a channel; `None` after the last one.
@@ -117,11 +128,7 @@ impl<'a, 's> Decoder<'a, 's> {
     fn enter(&mut self, segment: Segment<'a>, rest: &'a [u8]) {
         self.segment = segment;
         self.rest = rest;
-        match &mut self.lent {
-            Lent::Narrow(words) => row::convert(segment.table, words.as_mut_slice()),
-            Lent::Words(words) => row::convert(segment.table, words),
-            Lent::Nothing => {}
-        }
+        self.lent.convert(segment);
     }
 }
 

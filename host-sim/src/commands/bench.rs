@@ -84,7 +84,10 @@ fn peers(args: PeersArgs) -> Result<ExitCode> {
 }
 
 fn print(name: &str, frames: usize, channels: usize, entries: &[Entry]) {
-    println!("{name}: {frames} frames of {channels} channels; float32 takes {} bytes\n", frames * channels * 4);
+    println!(
+        "{name}: {frames} frames of {channels} channels; float32 takes {} bytes\n",
+        frames * channels * 4
+    );
     print!("                                 mean error");
     CORES.iter().for_each(|core| print!(" | {:<38}", core.name()));
     println!();

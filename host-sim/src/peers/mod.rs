@@ -44,7 +44,8 @@ impl Quantised {
         let Some(translation) = finest.filter(|_| far(true) / 0.01 <= limit) else {
             bail!("the motion reaches {:.0}° and {:.0} cm, which int16 cannot hold", far(true), far(false));
         };
-        let steps: Vec<f64> = rotations.iter().map(|&rotates| if rotates { 0.01 } else { translation }).collect();
+        let steps: Vec<f64> =
+            rotations.iter().map(|&rotates| if rotates { 0.01 } else { translation }).collect();
         let values = motion
             .iter()
             .flat_map(|pose| pose.iter().zip(&steps).map(|(value, step)| (value / step).round() as i16))
@@ -83,9 +84,9 @@ impl Quantised {
 
     /// The motion that a player has of it.
     pub fn motion(&self, fps: f64) -> Motion {
-        let samples = self.frames().flat_map(|frame| {
-            frame.iter().zip(&self.steps).map(|(&value, step)| f64::from(value) * step)
-        });
+        let samples = self
+            .frames()
+            .flat_map(|frame| frame.iter().zip(&self.steps).map(|(&value, step)| f64::from(value) * step));
         Motion { fps, channels: self.channels, samples: samples.collect() }
     }
 }

@@ -24,11 +24,13 @@ fn draw(svg: &mut String, title: &str, entries: &[Entry]) -> Result<(), Box<dyn 
     let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
     let root = root.titled(title, ("sans-serif", 20))?;
-    let cores: Vec<&str> = entries.first().map_or_else(Vec::new, |entry| entry.costs.iter().map(|cost| cost.core).collect());
+    let cores: Vec<&str> =
+        entries.first().map_or_else(Vec::new, |entry| entry.costs.iter().map(|cost| cost.core).collect());
     let bytes = range(entries.iter().map(|entry| entry.bytes as f64));
-    let cycles = range(entries.iter().flat_map(|entry| {
-        entry.costs.iter().flat_map(|cost| [cost.cycles_mean, cost.cycles_max as f64])
-    }));
+    let cycles =
+        range(entries.iter().flat_map(|entry| {
+            entry.costs.iter().flat_map(|cost| [cost.cycles_mean, cost.cycles_max as f64])
+        }));
     for (number, (area, core)) in root.split_evenly((1, cores.len().max(1))).iter().zip(&cores).enumerate() {
         let mut chart = ChartBuilder::on(area)
             .caption(core, ("sans-serif", 16))
@@ -51,7 +53,10 @@ fn draw(svg: &mut String, title: &str, entries: &[Entry]) -> Result<(), Box<dyn 
             let Some(cost) = entry.costs.iter().find(|cost| cost.core == *core) else { continue };
             let colour = if entry.name.starts_with("QMD") { OURS } else { THEIRS };
             let (x, y) = (entry.bytes as f64, cost.cycles_mean);
-            chart.draw_series([PathElement::new([(x, y), (x, cost.cycles_max as f64)], colour.mix(0.35).stroke_width(3))])?;
+            chart.draw_series([PathElement::new(
+                [(x, y), (x, cost.cycles_max as f64)],
+                colour.mix(0.35).stroke_width(3),
+            )])?;
             chart.draw_series([Circle::new((x, y), 5, colour.filled())])?;
             let (left, top) = chart.backend_coord(&(x, y));
             let width = entry.name.len() as i32 * 7;
@@ -60,12 +65,17 @@ fn draw(svg: &mut String, title: &str, entries: &[Entry]) -> Result<(), Box<dyn 
             let right_of_it = left + 10 + width < bounds.0.end;
             let from = if right_of_it { left + 9 } else { left - 9 - width };
             let mut row = top;
-            while taken.iter().any(|&(other, end, there)| from < end && other < from + width && (row - there).abs() < 13) {
+            while taken
+                .iter()
+                .any(|&(other, end, there)| from < end && other < from + width && (row - there).abs() < 13)
+            {
                 row += 1;
             }
             taken.push((from, from + width, row));
             let (at, anchor) = if right_of_it { (HPos::Left, from) } else { (HPos::Right, from + width) };
-            let style = TextStyle::from(("sans-serif", 13).into_font()).color(&colour).pos(Pos::new(at, VPos::Center));
+            let style = TextStyle::from(("sans-serif", 13).into_font())
+                .color(&colour)
+                .pos(Pos::new(at, VPos::Center));
             area.draw_text(&entry.name, &style, (anchor - bounds.0.start, row - bounds.1.start))?;
         }
     }
@@ -75,6 +85,7 @@ fn draw(svg: &mut String, title: &str, entries: &[Entry]) -> Result<(), Box<dyn 
 
 /// From a little below the least to a little above the most.
 fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    let (low, high) = values.fold((f64::MAX, 1.0_f64), |(low, high), value| (low.min(value), high.max(value)));
+    let (low, high) =
+        values.fold((f64::MAX, 1.0_f64), |(low, high), value| (low.min(value), high.max(value)));
     (low.max(1.0) / 1.5, high * 1.5)
 }

@@ -213,7 +213,8 @@ type Play<'a> = Box<dyn Fn(Core, &[u8]) -> Result<Measured> + 'a>;
 fn play_int16(core: Core, image: &[u8], stored: &Quantised) -> Result<Measured> {
     let mut runner = Runner::new(core, image, 0)?;
     for (number, expected) in stored.frames().enumerate() {
-        let found = runner.next_frame(2)?.with_context(|| format!("the image ended before frame {number}"))?;
+        let found =
+            runner.next_frame(2)?.with_context(|| format!("the image ended before frame {number}"))?;
         let (words, _) = found.as_chunks::<2>();
         if !words.iter().map(|&word| i16::from_le_bytes(word)).eq(expected.iter().copied()) {
             bail!("frame {number} is not the one that was stored");

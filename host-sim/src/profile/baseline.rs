@@ -40,7 +40,11 @@ impl Baseline {
     /// A sentence where the reports are of different clips or settings, or have no core in common.
     pub fn risen(&self, report: &Report) -> Result<Vec<String>> {
         if self.subject != report.subject {
-            bail!("the baseline is of another run: it has {:?}, this one has {:?}", self.subject, report.subject);
+            bail!(
+                "the baseline is of another run: it has {:?}, this one has {:?}",
+                self.subject,
+                report.subject
+            );
         }
         let mut risen = Vec::new();
         let mut compared = 0;

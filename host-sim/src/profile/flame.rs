@@ -22,7 +22,8 @@ impl Node {
         let function = image.function_at(path.address).and_then(|number| image.functions().get(number));
         let name = function.map_or_else(|| format!("{:#010x}", path.address), |found| found.name.clone());
         // A path comes after its parent, and the root is its own.
-        let below = (root + 1..paths.len()).filter(|&at| paths.get(at).is_some_and(|path| path.parent == root));
+        let below =
+            (root + 1..paths.len()).filter(|&at| paths.get(at).is_some_and(|path| path.parent == root));
         let mut children: Vec<Self> = below.map(|at| Self::of(image, paths, at)).collect();
         children.sort_by(|a, b| b.cycles.cmp(&a.cycles).then_with(|| a.name.cmp(&b.name)));
         let cycles = path.cycles + children.iter().map(|child| child.cycles).sum::<u64>();

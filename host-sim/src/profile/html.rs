@@ -142,7 +142,10 @@ fn core(page: &mut dyn Write, core: &CoreReport, rate_hz: f64) -> Result {
             function.share * 100.0
         )?;
     }
-    writeln!(page, "</table></div>\n<div class=\"scroll\"><table>\n<tr><th>section</th><th>bytes</th><th>in</th></tr>")?;
+    writeln!(
+        page,
+        "</table></div>\n<div class=\"scroll\"><table>\n<tr><th>section</th><th>bytes</th><th>in</th></tr>"
+    )?;
     for section in &core.sections {
         let place = match (section.flash, section.ram) {
             (true, true) => "flash and RAM",

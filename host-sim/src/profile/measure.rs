@@ -55,7 +55,10 @@ impl Runner {
         let image = Image::parse(elf).map_err(|error| anyhow!(error))?;
         let mut machine = Machine::new(core, &board(wait_states), &image).map_err(|error| anyhow!(error))?;
         let symbol = |name: &str| {
-            image.symbol(name).map(|address| address & !1).ok_or_else(|| anyhow!("the image has no function {name}"))
+            image
+                .symbol(name)
+                .map(|address| address & !1)
+                .ok_or_else(|| anyhow!("the image has no function {name}"))
         };
         let (open, decode_frame, failed) = (symbol("open")?, symbol("decode_frame")?, symbol("failed")?);
         let stack_top = machine.cpu.r[13];
@@ -73,8 +76,7 @@ impl Runner {
         for address in [open, decode_frame] {
             machine.clear_breakpoint(address);
         }
-        let measured =
-            Measured { open_cycles, stack_bytes: machine.usage().stack, ..Measured::default() };
+        let measured = Measured { open_cycles, stack_bytes: machine.usage().stack, ..Measured::default() };
         let state = machine.cpu.r[0];
         machine.reset_profile();
         machine.reset_stack_mark();
@@ -102,7 +104,8 @@ impl Runner {
         }
         self.measured.frame_cycles.push(machine.usage().cycles - before);
         let bytes = machine.memory.bytes(pointer, len.saturating_mul(element));
-        let bytes = bytes.with_context(|| format!("frame {number} is at {pointer:#010x}, which is no memory"))?;
+        let bytes =
+            bytes.with_context(|| format!("frame {number} is at {pointer:#010x}, which is no memory"))?;
         Ok(Some(bytes))
     }
 
@@ -112,7 +115,8 @@ impl Runner {
         let usage = self.machine.usage();
         let depth = self.stack_top - self.machine.cpu.r[13];
         let paths = self.machine.calls();
-        let frame = (1..paths.len()).find(|&at| paths[at].address == self.decode_frame).unwrap_or(paths.len());
+        let frame =
+            (1..paths.len()).find(|&at| paths[at].address == self.decode_frame).unwrap_or(paths.len());
         let mut measured = self.measured;
         measured.flame = Node::of(&image, paths, frame);
         let mut functions = Vec::new();
@@ -133,11 +137,7 @@ impl Runner {
 fn board(wait_states: u32) -> Board {
     let mut flash = Region::new("flash", FLASH, BYTES, false);
     flash.waits.states = wait_states;
-    Board {
-        name: "profile",
-        regions: vec![flash, Region::new("RAM", RAM, BYTES, true)],
-        ..Board::bare()
-    }
+    Board { name: "profile", regions: vec![flash, Region::new("RAM", RAM, BYTES, true)], ..Board::bare() }
 }
 
 fn run_to(machine: &mut Machine, address: u32) -> Result<()> {

@@ -144,7 +144,11 @@ mod tests {
     #[test]
     fn every_part_says_where_its_figures_come_from() {
         for part in PARTS {
-            assert!(part.source.contains("atasheet") || part.source.contains("Specification"), "{}", part.name);
+            assert!(
+                part.source.contains("atasheet") || part.source.contains("Specification"),
+                "{}",
+                part.name
+            );
             assert!(part.run_ma > part.sleep_ma && part.sleep_ma > 0.0, "{}", part.name);
         }
     }

@@ -203,7 +203,8 @@ impl std::str::FromStr for Budget {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("\"{text}\" is no budget, expected cycles (2000) or a part of a frame's time (5%)");
+        let wrong =
+            || format!("\"{text}\" is no budget, expected cycles (2000) or a part of a frame's time (5%)");
         match text.strip_suffix('%') {
             Some(percent) => match percent.trim().parse::<f64>() {
                 Ok(percent) if percent > 0.0 && percent.is_finite() => Ok(Self::Share(percent / 100.0)),

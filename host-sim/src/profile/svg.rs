@@ -30,7 +30,10 @@ pub fn frames(page: &mut dyn Write, cycles: &[u64], mean: f64, worst: usize) -> 
     let (plot_width, plot_height) = (WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM);
     let y = |cycles: f64| TOP + plot_height * (1.0 - cycles / top);
     let x = |frame: f64| LEFT + plot_width * frame / cycles.len().max(1) as f64;
-    writeln!(page, "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"Cycles of each frame\">")?;
+    writeln!(
+        page,
+        "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"Cycles of each frame\">"
+    )?;
     let mut line = 0.0;
     while line <= top + step / 2.0 {
         let at = y(line);
@@ -52,8 +55,11 @@ pub fn frames(page: &mut dyn Write, cycles: &[u64], mean: f64, worst: usize) -> 
         // A hair's breadth between bars, where they are wide enough for one.
         let gap = if right - left > 3.0 { 0.6 } else { 0.0 };
         let class = if (first..=last).contains(&worst) { "worst" } else { "frames" };
-        let which =
-            if first == last { format!("frame {first}") } else { format!("frames {first} to {last}, at most") };
+        let which = if first == last {
+            format!("frame {first}")
+        } else {
+            format!("frames {first} to {last}, at most")
+        };
         writeln!(
             page,
             "<rect class=\"{class}\" x=\"{left:.2}\" width=\"{:.2}\" y=\"{:.2}\" height=\"{:.2}\"><title>{which}: {most} \
@@ -201,6 +207,9 @@ mod tests {
         let mut page = String::new();
         frames(&mut page, &cycles, 102.0, 1234).unwrap();
         assert!(page.matches("<rect").count() <= BARS);
-        assert!(page.contains("class=\"worst\"") && page.contains("frames 1232 to 1235, at most: 5000"), "{page}");
+        assert!(
+            page.contains("class=\"worst\"") && page.contains("frames 1232 to 1235, at most: 5000"),
+            "{page}"
+        );
     }
 }

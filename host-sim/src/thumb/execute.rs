@@ -229,9 +229,8 @@ impl Machine {
     fn extend(&mut self, insn: &Insn) {
         let word = self.reg(insn.m).rotate_right(u32::from(insn.amount));
         let base = if insn.n == 15 { 0 } else { self.reg(insn.n) };
-        let lanes = |low: u32, high: u32| {
-            (base.wrapping_add(low) & 0xffff) | (base >> 16).wrapping_add(high) << 16
-        };
+        let lanes =
+            |low: u32, high: u32| (base.wrapping_add(low) & 0xffff) | (base >> 16).wrapping_add(high) << 16;
         let value = match insn.op {
             Op::Sxtb => base.wrapping_add(i32::from(word as i8) as u32),
             Op::Sxth => base.wrapping_add(i32::from(word as i16) as u32),

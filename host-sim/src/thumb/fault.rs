@@ -86,7 +86,9 @@ impl Display for Cause {
             Self::Undefined { first, second: Some(second) } => {
                 write!(f, "{first:#06x} {second:#06x} is no instruction of this core")
             }
-            Self::Undefined { first, second: None } => write!(f, "{first:#06x} is no instruction of this core"),
+            Self::Undefined { first, second: None } => {
+                write!(f, "{first:#06x} is no instruction of this core")
+            }
             Self::Coprocessor { first, second } => {
                 write!(
                     f,
@@ -108,7 +110,9 @@ impl Display for Cause {
             }
             Self::Supervisor => write!(f, "an SVC where its handler cannot run"),
             Self::Breakpoint { number } => write!(f, "bkpt {number:#04x}, which is no semihosting call"),
-            Self::Semihosting { operation } => write!(f, "semihosting operation {operation:#04x}, which is not simulated"),
+            Self::Semihosting { operation } => {
+                write!(f, "semihosting operation {operation:#04x}, which is not simulated")
+            }
             Self::SleepsForever => write!(f, "it sleeps, and nothing is left that could wake it"),
             Self::ExceptionReturn { value } => write!(f, "a return to {value:#010x} outside of an exception"),
             Self::Reset => write!(f, "it has reset itself"),

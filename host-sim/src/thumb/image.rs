@@ -1,9 +1,9 @@
 //! An ELF file as it was built: what to load where, and the names of its functions.
 
 use super::memory::Memory;
+use addr2line::gimli;
 use object::elf::PT_LOAD;
 use object::read::elf::{FileHeader, ProgramHeader};
-use addr2line::gimli;
 use object::{Endianness, Object, ObjectSection, ObjectSymbol, SymbolKind};
 use std::collections::HashMap;
 

@@ -356,12 +356,23 @@ impl Insn {
             Op::Ldm | Op::Stm => {
                 address = bit(self.n);
                 let list = self.imm as u16;
-                if self.op == Op::Ldm { writes |= list } else { reads |= list }
+                if self.op == Op::Ldm {
+                    writes |= list
+                } else {
+                    reads |= list
+                }
                 if self.s {
                     writes |= bit(self.n);
                 }
             }
-            Op::Ldr | Op::Ldrb | Op::Ldrh | Op::Ldrsb | Op::Ldrsh | Op::LdrPc | Op::Ldrd | Op::LoadAcquire => {
+            Op::Ldr
+            | Op::Ldrb
+            | Op::Ldrh
+            | Op::Ldrsb
+            | Op::Ldrsh
+            | Op::LdrPc
+            | Op::Ldrd
+            | Op::LoadAcquire => {
                 writes = bit(self.d);
                 if self.op == Op::Ldrd {
                     writes |= bit(self.a);

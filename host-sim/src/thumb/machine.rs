@@ -390,8 +390,7 @@ impl Machine {
             };
             let insn = *insn;
             self.cpu.r[15] = pc.wrapping_add(4);
-            let mut outcome =
-                Outcome { next: pc.wrapping_add(u32::from(insn.len)), ..Outcome::default() };
+            let mut outcome = Outcome { next: pc.wrapping_add(u32::from(insn.len)), ..Outcome::default() };
             let passed = self.cpu.flags.pass(insn.cond);
             let mut stop = None;
             if passed && let Err(trap) = self.execute(&insn, &mut outcome) {
@@ -447,15 +446,24 @@ impl Machine {
         }
     }
 
-    fn wait(&mut self, insn: &Insn, pc: u32, region: usize, passed: bool, outcome: &Outcome, own: u32) -> u32 {
+    fn wait(
+        &mut self,
+        insn: &Insn,
+        pc: u32,
+        region: usize,
+        passed: bool,
+        outcome: &Outcome,
+        own: u32,
+    ) -> u32 {
         let code = self.memory.regions()[region].waits;
         let now = self.cycles;
         let mut cycles = self.flash.fetch(code, pc, u32::from(insn.len), now);
-        let load = matches!(
-            insn.class,
-            Class::Load | Class::LoadDouble | Class::LoadMultiple | Class::TableBranch
-        );
-        if passed && load && let Some((data, _)) = self.memory.locate(outcome.address) {
+        let load =
+            matches!(insn.class, Class::Load | Class::LoadDouble | Class::LoadMultiple | Class::TableBranch);
+        if passed
+            && load
+            && let Some((data, _)) = self.memory.locate(outcome.address)
+        {
             let waits = self.memory.regions()[data].waits;
             let bytes = insn.transfers() * 4;
             cycles += self.flash.read(waits, outcome.address, bytes, now + u64::from(own));
@@ -664,8 +672,7 @@ impl Machine {
 
     fn fault(&self, cause: Cause) -> Fault {
         let pc = self.cpu.pc;
-        let function =
-            self.image.function_at(pc).and_then(|number| self.image.functions().get(number));
+        let function = self.image.function_at(pc).and_then(|number| self.image.functions().get(number));
         let mut registers = [0; 15];
         registers.copy_from_slice(&self.cpu.r[..15]);
         Fault {

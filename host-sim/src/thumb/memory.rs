@@ -85,7 +85,10 @@ impl Memory {
                 let entry = &mut map[block as usize];
                 if *entry != NO_REGION {
                     let other = regions[usize::from(*entry)].name;
-                    return Err(format!("{} and {other} are both in the 16 MB at {block:#04x}000000", region.name));
+                    return Err(format!(
+                        "{} and {other} are both in the 16 MB at {block:#04x}000000",
+                        region.name
+                    ));
                 }
                 *entry = number as u8;
             }

@@ -20,12 +20,7 @@ pub(super) fn decode(arch: Arch, pc: u32, word: u32, in_it: bool) -> Insn {
         0b010001 => special(arch, word),
         0b010010 | 0b010011 => {
             let imm = (pc & !3).wrapping_add(4).wrapping_add(bits(word, 0, 8) << 2);
-            Insn {
-                d: reg(word, 8, 3),
-                imm,
-                index: Index::Literal,
-                ..Insn::new(Op::Ldr, Class::Load, 2)
-            }
+            Insn { d: reg(word, 8, 3), imm, index: Index::Literal, ..Insn::new(Op::Ldr, Class::Load, 2) }
         }
         0b010100..=0b010111 => register_transfer(word),
         0b011000..=0b100111 => immediate_transfer(word),
@@ -198,13 +193,7 @@ fn miscellaneous(arch: Arch, pc: u32, word: u32, in_it: bool) -> Insn {
             if list == 0 {
                 return undefined(2);
             }
-            Insn {
-                n: 13,
-                imm: list,
-                amount: 1,
-                s: true,
-                ..Insn::new(Op::Stm, Class::StoreMultiple, 2)
-            }
+            Insn { n: 13, imm: list, amount: 1, s: true, ..Insn::new(Op::Stm, Class::StoreMultiple, 2) }
         }
         0b1100000..=0b1101111 => {
             let list = bits(word, 0, 8) | bits(word, 8, 1) << 15;

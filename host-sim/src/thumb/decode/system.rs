@@ -19,14 +19,12 @@ pub(super) fn decode_v6m(pc: u32, first: u32, second: u32) -> Insn {
 pub(super) fn decode(arch: Arch, pc: u32, first: u32, second: u32) -> Insn {
     let next = pc.wrapping_add(4);
     match bits(second, 12, 3) {
-        kind if kind & 5 == 5 => Insn {
-            imm: next.wrapping_add(long_offset(first, second)),
-            ..Insn::new(Op::Bl, Class::Call, 4)
-        },
-        kind if kind & 5 == 1 => Insn {
-            imm: next.wrapping_add(long_offset(first, second)),
-            ..Insn::new(Op::B, Class::Branch, 4)
-        },
+        kind if kind & 5 == 5 => {
+            Insn { imm: next.wrapping_add(long_offset(first, second)), ..Insn::new(Op::Bl, Class::Call, 4) }
+        }
+        kind if kind & 5 == 1 => {
+            Insn { imm: next.wrapping_add(long_offset(first, second)), ..Insn::new(Op::B, Class::Branch, 4) }
+        }
         kind if kind & 5 == 0 && bits(first, 7, 3) != 7 => {
             let offset = bits(first, 10, 1) << 20
                 | bits(second, 11, 1) << 19
@@ -64,11 +62,9 @@ fn special(arch: Arch, first: u32, second: u32) -> Insn {
             4..=6 => Insn::new(Op::Barrier, Class::Barrier, 4),
             _ => undefined(4),
         },
-        0b0111110 | 0b0111111 => Insn {
-            d: reg(second, 8, 4),
-            imm: bits(second, 0, 8),
-            ..Insn::new(Op::Mrs, Class::Status, 4)
-        },
+        0b0111110 | 0b0111111 => {
+            Insn { d: reg(second, 8, 4), imm: bits(second, 0, 8), ..Insn::new(Op::Mrs, Class::Status, 4) }
+        }
         _ => undefined(4),
     }
 }

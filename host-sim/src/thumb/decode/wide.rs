@@ -256,8 +256,7 @@ fn single(pc: u32, first: u32, second: u32) -> Insn {
         }
         let offset = bits(second, 0, 12);
         let here = (pc & !3).wrapping_add(4);
-        let imm =
-            if first & 1 << 7 != 0 { here.wrapping_add(offset) } else { here.wrapping_sub(offset) };
+        let imm = if first & 1 << 7 != 0 { here.wrapping_add(offset) } else { here.wrapping_sub(offset) };
         return insn(Insn { n: 15, imm, index: Index::Literal, ..base });
     }
     if !load && t == 15 {

@@ -35,7 +35,11 @@ impl M33 {
                     _ => 1 << (insn.n & 15),
                 };
                 let factors = 1u16 << (insn.m & 15)
-                    | if insn.a == 15 && insn.class == Class::MultiplyAccumulate { 0 } else { 1 << (insn.n & 15) };
+                    | if insn.a == 15 && insn.class == Class::MultiplyAccumulate {
+                        0
+                    } else {
+                        1 << (insn.n & 15)
+                    };
                 (factors & self.late) | (accumulator & self.late_to_accumulate)
             }
             _ => insn.reads & self.late,
@@ -109,9 +113,8 @@ impl Timing for M33 {
             Class::Shifted => (results, 0, insn.s && insn.src == Src::Shifted),
             _ => (0, 0, false),
         };
-        self.joinable = insn.len == 2
-            && !outcome.taken
-            && !matches!(insn.class, Class::Nop | Class::It | Class::Branch);
+        self.joinable =
+            insn.len == 2 && !outcome.taken && !matches!(insn.class, Class::Nop | Class::It | Class::Branch);
         self.kept_flags = !insn.s || insn.class == Class::LoadMultiple || insn.class == Class::StoreMultiple;
         own + stall
     }

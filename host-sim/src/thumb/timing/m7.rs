@@ -35,13 +35,7 @@ pub struct M7 {
 
 impl Default for M7 {
     fn default() -> Self {
-        Self {
-            now: 0,
-            older: Older::Closed,
-            late: [0; 16],
-            early: [0; 16],
-            predictors: vec![1; PREDICTORS],
-        }
+        Self { now: 0, older: Older::Closed, late: [0; 16], early: [0; 16], predictors: vec![1; PREDICTORS] }
     }
 }
 
@@ -175,8 +169,7 @@ impl Timing for M7 {
             let base = usize::from(insn.n & 15);
             (self.late[base], self.early[base]) = (issue, issue + 1);
         }
-        let conditional =
-            insn.cond != super::super::insn::ALWAYS || matches!(insn.op, Op::Cbz | Op::Cbnz);
+        let conditional = insn.cond != super::super::insn::ALWAYS || matches!(insn.op, Op::Cbz | Op::Cbnz);
         self.older = match insn.class {
             Class::Branch if conditional => {
                 if self.mispredicts(pc, outcome.taken) {
