@@ -3,7 +3,10 @@
 
 pub mod board;
 pub mod files;
+pub mod image;
+pub mod peers;
 pub mod play;
+pub mod profile;
 pub mod puppet;
 pub mod qemu;
 mod qemu_log;
