@@ -22,10 +22,12 @@ fn main() {
         if variable("BUNRAKU_TABLE").is_some_and(|lent| lent == "none") { 0 } else { clip.table_len() };
     let nops = variable("BUNRAKU_NOPS").map_or(0, |nops| nops.parse().expect("BUNRAKU_NOPS is a number"));
     let sizes = format!(
-        "/// Channels of the clip.\nconst CHANNELS: usize = {};\n/// Words lent for its table.\nconst TABLE: usize = {table};\n/// Instructions to waste in every frame.\nconst NOPS: usize = {nops};\n",
+        "/// Channels of the clip.\nconst CHANNELS: usize = {};\n/// Words lent for its table.\nconst TABLE: usize = {table};\n",
         clip.channels()
     );
     write(&out, "sizes.rs", sizes.as_bytes());
+    let nops = format!("/// Instructions to waste in every frame.\nconst NOPS: usize = {nops};\n");
+    write(&out, "nops.rs", nops.as_bytes());
     write(&out, "clip.qmd", &bytes);
     if env::var_os("CARGO_FEATURE_TICK").is_some() {
         let map = variable("BUNRAKU_MAP").expect("the image `tick` needs a map: set BUNRAKU_MAP");

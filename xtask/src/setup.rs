@@ -5,9 +5,14 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-/// Cortex-M0 and M0+, M3, M4 without FPU, and browsers.
-const TARGETS: [&str; 4] =
-    ["thumbv6m-none-eabi", "thumbv7m-none-eabi", "thumbv7em-none-eabi", "wasm32-unknown-unknown"];
+/// Cortex-M0 and M0+, M3, M4 without FPU, M33, and browsers.
+const TARGETS: [&str; 5] = [
+    "thumbv6m-none-eabi",
+    "thumbv7m-none-eabi",
+    "thumbv7em-none-eabi",
+    "thumbv8m.main-none-eabi",
+    "wasm32-unknown-unknown",
+];
 
 /// What was found or installed.
 #[derive(Default)]

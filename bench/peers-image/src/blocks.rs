@@ -5,8 +5,8 @@ use crate::FRAME;
 
 include!(concat!(env!("OUT_DIR"), "/block.rs"));
 
-/// Bytes of the frames that are packed together.
-const BLOCK: usize = BLOCK_FRAMES * FRAME;
+/// Bytes of the frames that are packed together, and one more: heatshrink's decoder fails where it has no room left.
+const BLOCK: usize = BLOCK_FRAMES * FRAME + 1;
 
 pub struct Store {
     rest: &'static [u8],

@@ -115,7 +115,7 @@ mod tests {
             bytes.as_chunks::<2>().0.iter().map(|&word| i16::from_le_bytes(word)).collect()
         };
         let mut pose = vec![0i16; stored.channels()];
-        let mut summed = Vec::new();
+        let mut summed: Vec<i16> = Vec::new();
         for frame in words(&delta).chunks_exact(stored.channels()) {
             pose.iter_mut().zip(frame).for_each(|(value, step)| *value = value.wrapping_add(*step));
             summed.extend(&pose);

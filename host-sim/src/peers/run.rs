@@ -135,7 +135,8 @@ pub struct Cost {
     pub cycles_mean: f64,
     /// Cycles of the most expensive frame.
     pub cycles_max: u64,
-    /// Static RAM and deepest stack.
+    /// Static RAM, and the deepest stack of decoding a frame; for QMD that of the whole run, since its decoder lives
+    /// on the stack.
     pub ram_bytes: u64,
     /// Flash of the decoder: its functions and their constants, without the motion.
     pub flash_bytes: u64,
@@ -202,7 +203,7 @@ pub fn run(clip: &encoder::Clip, method: Method, cores: &[Core]) -> Result<Entry
         let built = targets.iter().zip(&images).find(|(target, _)| **target == core.target());
         let Some((_, image)) = built else { bail!("no image was built for {}", core.name()) };
         let measured = play(core, image).with_context(|| format!("{} on {}", method.name(), core.name()))?;
-        costs.push(cost(core, image, bytes, &measured)?);
+        costs.push(cost(core, image, method, bytes, &measured)?);
     }
     Ok(Entry { name: method.name(), method, bytes, mean_joint_cm, costs })
 }
@@ -232,8 +233,12 @@ fn play_qmd(core: Core, image: &[u8], bytes: &[u8]) -> Result<Measured> {
     measure::run(core, image, 0, clip.decoder(&mut pose, None)?, &mut || ())
 }
 
-fn cost(core: Core, image: &[u8], stored: usize, measured: &Measured) -> Result<Cost> {
+fn cost(core: Core, image: &[u8], method: Method, stored: usize, measured: &Measured) -> Result<Cost> {
     let memory = Memory::of(image)?;
+    let stack = match method {
+        Method::Qmd { .. } => measured.stack_bytes,
+        Method::Int16 { .. } => measured.frame_stack_bytes,
+    };
     let constants = memory.sections.iter().filter(|section| section.name == ".rodata");
     let constants: u64 = constants.map(|section| section.bytes).sum();
     let frames = &measured.frame_cycles;
@@ -241,7 +246,7 @@ fn cost(core: Core, image: &[u8], stored: usize, measured: &Measured) -> Result<
         core: core.name(),
         cycles_mean: frames.iter().sum::<u64>() as f64 / frames.len().max(1) as f64,
         cycles_max: frames.iter().copied().max().unwrap_or(0),
-        ram_bytes: memory.ram_bytes() + u64::from(measured.stack_bytes),
+        ram_bytes: memory.ram_bytes() + u64::from(stack),
         flash_bytes: memory.code_bytes + constants.saturating_sub(stored as u64),
     })
 }
@@ -259,11 +264,11 @@ mod tests {
                 let bytes = stored.bytes(delta);
                 let store = packer.pack(&bytes, block).unwrap();
                 assert!(store.len() < bytes.len(), "{} {delta}", packer.name());
-                let (mut rest, mut found) = (store.as_slice(), Vec::new());
+                let (mut rest, mut found): (&[u8], Vec<u8>) = (&store, Vec::new());
                 while let Some((len, after)) = rest.split_first_chunk::<2>() {
                     let (packed, after) = after.split_at(usize::from(u16::from_le_bytes(*len)));
                     rest = after;
-                    let mut buffer = vec![0; block];
+                    let mut buffer = vec![0; block + 1];
                     let len = match packer {
                         Packer::Heatshrink => {
                             let config = heatshrink::Config::new(11, 4).unwrap();

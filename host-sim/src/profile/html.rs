@@ -3,20 +3,21 @@
 use super::report::{CoreReport, Report, Table};
 use super::svg;
 use std::fmt::{Result, Write};
+use std::path::Path;
 
 /// Colours, light and dark.
 const STYLE: &str = "\
 :root { --ink: #1c2430; --soft: #667085; --line: #d9dee7; --paper: #fff; --panel: #f6f8fb; --bar: #3b74d8; --bar-soft: #a9c4f3; --worst: #d4380d; color-scheme: light dark }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6e9ef; --soft: #98a2b3; --line: #333c4b; --paper: #12161d; --panel: #1a202a; --bar: #6b9bf0; --bar-soft: #2f4a78; --worst: #ff7a45 } }
 * { box-sizing: border-box }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 1080px; margin: 0 auto; padding: 24px 20px 60px }
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 1140px; margin: 0 auto; padding: 24px 20px 60px }
 h1 { font-size: 24px; margin: 0 0 2px } h2 { font-size: 18px; margin: 36px 0 8px } p { margin: 4px 0 } .soft { color: var(--soft) }
 .scroll { overflow-x: auto } table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; margin: 12px 0 }
-th, td { padding: 5px 10px; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap } th { font-weight: 600; color: var(--soft) }
+th, td { padding: 5px 7px; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap } th { font-weight: 600; color: var(--soft) }
 th:first-child, td:first-child { text-align: left } td.name { font-family: ui-monospace, monospace; font-size: 13px; white-space: normal; word-break: break-word }
 figure { margin: 10px 0; background: var(--panel); border: 1px solid var(--line); border-radius: 8px; padding: 12px } figcaption { font-size: 13px; color: var(--soft); margin-bottom: 6px }
 svg { display: block; width: 100%; height: auto } svg text { font: 12px system-ui, sans-serif; fill: var(--soft) }
-.grid { stroke: var(--line); stroke-width: 1 } .frames { fill: var(--bar) } .frames:hover { fill: var(--worst) } .mean { stroke: var(--ink); stroke-dasharray: 5 4 } .worst { fill: var(--worst) }
+.grid { stroke: var(--line); stroke-width: 1 } rect.frames, rect.worst { shape-rendering: crispEdges } .frames { fill: var(--bar) } .frames:hover { fill: var(--worst) } .mean { stroke: var(--ink); stroke-dasharray: 5 4 } .worst { fill: var(--worst) }
 svg text.label { fill: #10182b; font-family: ui-monospace, monospace } svg text.strong { fill: var(--ink) }
 ";
 
@@ -25,7 +26,8 @@ svg text.label { fill: #10182b; font-family: ui-monospace, monospace } svg text.
 /// # Errors
 /// Only where `page` has any.
 pub fn write(page: &mut dyn Write, report: &Report) -> Result {
-    let name = svg::escape(&report.clip);
+    let name = Path::new(&report.clip).file_name().unwrap_or_default().to_string_lossy();
+    let name = svg::escape(&name);
     let subject = &report.subject;
     write!(
         page,
@@ -132,7 +134,7 @@ fn core(page: &mut dyn Write, core: &CoreReport, rate_hz: f64) -> Result {
         page,
         "</figure>\n<div class=\"scroll\"><table>\n<tr><th>function</th><th>bytes</th><th>own cycles a frame</th><th>part</th></tr>"
     )?;
-    for function in core.functions.iter().filter(|function| function.self_cycles > 0.0) {
+    for function in core.functions.iter().filter(|function| function.self_cycles >= 0.05) {
         writeln!(
             page,
             "<tr><td class=\"name\">{}</td><td>{}</td><td>{:.1}</td><td>{:.1} %</td></tr>",

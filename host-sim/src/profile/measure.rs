@@ -60,9 +60,10 @@ impl Runner {
                 .map(|address| address & !1)
                 .ok_or_else(|| anyhow!("the image has no function {name}"))
         };
-        let (open, decode_frame, failed) = (symbol("open")?, symbol("decode_frame")?, symbol("failed")?);
+        let (open, decode_frame) = (symbol("open")?, symbol("decode_frame")?);
         let stack_top = machine.cpu.r[13];
-        for address in [open, decode_frame, failed] {
+        // An image that cannot fail has no `failed`.
+        for address in [Some(open), Some(decode_frame), image.symbol("failed")].into_iter().flatten() {
             machine.set_breakpoint(address);
         }
         run_to(&mut machine, open).context("before its clip is opened")?;

@@ -37,3 +37,22 @@ pub fn images(clip: &[u8], targets: &[&str], lent: bool) -> Result<Vec<Vec<u8>>>
     };
     image.build()
 }
+
+/// Builds the image that plays `clip` on the servos of a joint map, given as its bytes, as [`images`] does. What is
+/// measured of it is a tick.
+///
+/// # Errors
+/// As [`Image::build`].
+pub fn tick_images(clip: &[u8], map: &[u8], targets: &[&str], lent: bool) -> Result<Vec<Vec<u8>>> {
+    let image = Image {
+        package: "profile-image",
+        source: "tests/profile-image",
+        binary: "tick",
+        features: "tick",
+        targets,
+        folder: "profile",
+        files: &[("BUNRAKU_CLIP", "clip.qmd", clip), ("BUNRAKU_MAP", "map.postcard", map)],
+        variables: &[("BUNRAKU_TABLE", if lent { "lent" } else { "none" })],
+    };
+    image.build()
+}

@@ -12,6 +12,7 @@ use decoder_core::qmd::{Clip, Decoder};
 use decoder_core::{Error, I16F16, Limits};
 
 include!(concat!(env!("OUT_DIR"), "/sizes.rs"));
+include!(concat!(env!("OUT_DIR"), "/nops.rs"));
 
 static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip.qmd"));
 
