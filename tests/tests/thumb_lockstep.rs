@@ -184,7 +184,11 @@ fn compare(core: Core, name: &str, board: &Board, binary: &str) {
         ram,
     };
     let instructions = machine.usage().instructions;
-    assert_eq!(ours.registers.map(Hex), theirs.registers.map(Hex), "registers after {instructions} instructions");
+    assert_eq!(
+        ours.registers.map(Hex),
+        theirs.registers.map(Hex),
+        "registers after {instructions} instructions"
+    );
     assert_eq!(ours.flags, theirs.flags, "flags after {instructions} instructions");
     if let Some(at) = ours.ram.iter().zip(&theirs.ram).position(|(ours, theirs)| ours != theirs) {
         panic!("RAM at {:#010x} after {instructions} instructions", base as usize + at);
@@ -250,7 +254,8 @@ fn the_board_sends_the_same_bytes_as_in_qemu() {
         ours.extend_from_slice(bytes);
         Vec::new()
     };
-    let code = machine.run_to_exit(&mut device, &mut |_| {}, CYCLES).unwrap_or_else(|fault| panic!("{fault}"));
+    let code =
+        machine.run_to_exit(&mut device, &mut |_| {}, CYCLES).unwrap_or_else(|fault| panic!("{fault}"));
     assert_eq!(code, Some(0));
     assert!(!ours.is_empty());
     assert!(ours == theirs, "{} bytes here, {} in QEMU", ours.len(), theirs.len());
