@@ -97,7 +97,7 @@ fn dual(arch: Arch, pc: u32, first: u32, second: u32) -> Insn {
     let kind = bits(second, 4, 4);
     if kind >= 2 {
         // A second register is not there, and neither is a status unless the store is exclusive.
-        let with_status = !load && (kind < 8 || kind >= 12);
+        let with_status = !load && !(8..12).contains(&kind);
         let status_fits =
             if with_status { !sp_or_pc(status) && status != t && status != n } else { status == 15 };
         if t2 != 15 || sp_or_pc(t) || !status_fits {
