@@ -1,6 +1,6 @@
 //! Cycles by function and what it calls, as a flame graph draws them.
 
-use crate::thumb::{Image, Path};
+use crate::thumb::CallPath;
 
 /// A function's cycles, all frames together, on one path of calls.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -15,19 +15,16 @@ pub struct Node {
 
 impl Node {
     /// The tree below `root`, an index of `paths`.
-    pub fn of(image: &Image, paths: &[Path], root: usize) -> Self {
+    pub fn of(paths: &[CallPath], root: usize) -> Self {
         let Some(path) = paths.get(root) else {
             return Self::default();
         };
-        let function = image.function_at(path.address).and_then(|number| image.functions().get(number));
-        let name = function.map_or_else(|| format!("{:#010x}", path.address), |found| found.name.clone());
-        // A path comes after its parent, and the root is its own.
+        // A path comes after its parent.
         let below =
-            (root + 1..paths.len()).filter(|&at| paths.get(at).is_some_and(|path| path.parent == root));
-        let mut children: Vec<Self> = below.map(|at| Self::of(image, paths, at)).collect();
+            (root + 1..paths.len()).filter(|&at| paths.get(at).is_some_and(|path| path.parent == Some(root)));
+        let mut children: Vec<Self> = below.map(|at| Self::of(paths, at)).collect();
         children.sort_by(|a, b| b.cycles.cmp(&a.cycles).then_with(|| a.name.cmp(&b.name)));
-        let cycles = path.cycles + children.iter().map(|child| child.cycles).sum::<u64>();
-        Self { name, cycles, children }
+        Self { name: path.name.clone(), cycles: path.inclusive, children }
     }
 
     /// Rows that a drawing takes.

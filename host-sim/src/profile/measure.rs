@@ -115,11 +115,12 @@ impl Runner {
         let image = self.machine.image().clone();
         let usage = self.machine.usage();
         let depth = self.stack_top - self.machine.cpu.r[13];
-        let paths = self.machine.calls();
+        let paths = self.machine.call_paths();
+        let decode_frame = image.function_at(self.decode_frame).and_then(|at| image.functions().get(at));
         let frame =
-            (1..paths.len()).find(|&at| paths[at].address == self.decode_frame).unwrap_or(paths.len());
+            decode_frame.and_then(|function| paths.iter().position(|path| path.name == function.name));
         let mut measured = self.measured;
-        measured.flame = Node::of(&image, paths, frame);
+        measured.flame = Node::of(&paths, frame.unwrap_or(paths.len()));
         let mut functions = Vec::new();
         measured.flame.own_cycles(&mut functions);
         let size = |name: &str| {
