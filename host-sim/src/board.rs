@@ -9,6 +9,9 @@ use std::path::Path;
 /// QEMU's name of the board.
 pub const MACHINE: &str = "mps2-an386";
 
+/// The board's clock in hertz (Arm AN386, "Clocks").
+pub const CLOCK_HZ: u32 = 25_000_000;
+
 const PACKAGE: &str = "qemu-mps2";
 const TARGET: &str = "thumbv7em-none-eabi";
 

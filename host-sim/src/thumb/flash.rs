@@ -17,7 +17,7 @@ pub struct FlashBuffer {
 impl FlashBuffer {
     /// Cycles that the core waits for the code at `pc`.
     pub fn fetch(&mut self, waits: Waits, pc: u32, bytes: u32, now: u64) -> u32 {
-        if waits.states == 0 {
+        if waits.states == 0 || waits.cached_code {
             return 0;
         }
         let mut stall = 0;
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn a_line_is_waited_for_once() {
-        let waits = Waits { states: 2, line: 8, prefetch: false };
+        let waits = Waits { states: 2, line: 8, prefetch: false, cached_code: false };
         let mut buffer = FlashBuffer::default();
         assert_eq!(buffer.fetch(waits, 0x100, 2, 0), 2);
         assert_eq!(buffer.fetch(waits, 0x104, 4, 3), 0);
@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn reading_ahead_hides_the_wait_of_straight_code() {
-        let waits = Waits { states: 2, line: 8, prefetch: true };
+        let waits = Waits { states: 2, line: 8, prefetch: true, cached_code: false };
         let mut buffer = FlashBuffer::default();
         assert_eq!(buffer.fetch(waits, 0x100, 2, 0), 2);
         // Four 16-bit instructions take four cycles; the next line took three.

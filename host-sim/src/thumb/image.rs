@@ -85,6 +85,18 @@ impl Image {
         Ok(Self { segments, functions, symbols, elf: elf.to_vec() })
     }
 
+    /// Halfwords at `address`, without symbols.
+    #[cfg(test)]
+    pub(super) fn of(parts: &[(u32, &[u16])]) -> Self {
+        let bytes = |halves: &[u16]| halves.iter().flat_map(|half| half.to_le_bytes()).collect();
+        Self {
+            segments: parts.iter().map(|&(address, halves)| (address, bytes(halves))).collect(),
+            functions: Vec::new(),
+            symbols: HashMap::new(),
+            elf: Vec::new(),
+        }
+    }
+
     /// Copies the image into memory.
     ///
     /// # Errors

@@ -357,9 +357,9 @@ impl Insn {
                 address = bit(self.n);
                 let list = self.imm as u16;
                 if self.op == Op::Ldm {
-                    writes |= list
+                    writes |= list;
                 } else {
-                    reads |= list
+                    reads |= list;
                 }
                 if self.s {
                     writes |= bit(self.n);

@@ -11,11 +11,13 @@ pub struct Waits {
     pub line: u32,
     /// Whether the next line is read ahead while this one executes.
     pub prefetch: bool,
+    /// Whether code comes from a cache that always hits; data does not.
+    pub cached_code: bool,
 }
 
 impl Waits {
     /// No wait states.
-    pub const NONE: Self = Self { states: 0, line: 4, prefetch: false };
+    pub const NONE: Self = Self { states: 0, line: 4, prefetch: false, cached_code: false };
 }
 
 /// A block of memory.

@@ -23,17 +23,22 @@ mod machine;
 mod memory;
 mod nvic;
 mod peripherals;
+mod profile;
 mod semihosting;
+mod step;
 mod systick;
 pub mod timing;
 mod transfer;
 mod uart;
 
 pub use board::{Board, Core};
-pub use calls::Path;
 pub use cpu::{Cpu, Flags};
 pub use fault::{Cause, Fault};
 pub use image::{Function, Image};
 pub use machine::{Machine, Outcome, Stop, Usage};
 pub use memory::{AccessError, Memory, Region, Waits};
+pub use profile::{CallPath, SelfCycles};
 pub use semihosting::Files;
+
+#[cfg(test)]
+mod tests;

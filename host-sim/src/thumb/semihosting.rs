@@ -148,8 +148,15 @@ impl Machine {
             };
             Handle::File { name, at }
         };
-        self.handles.push(Some(handle));
-        self.handles.len() as u32
+        // The lowest number that is free, as in QEMU.
+        let place = self.handles.iter().position(Option::is_none).unwrap_or(self.handles.len());
+        if place == self.handles.len() {
+            self.handles.push(None);
+        }
+        if let Some(free) = self.handles.get_mut(place) {
+            *free = Some(handle);
+        }
+        place as u32 + 1
     }
 
     /// SYS_WRITE: gives the number of bytes that were not written.

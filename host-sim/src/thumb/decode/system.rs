@@ -44,25 +44,25 @@ pub(super) fn decode(arch: Arch, pc: u32, first: u32, second: u32) -> Insn {
 
 fn special(arch: Arch, first: u32, second: u32) -> Insn {
     match bits(first, 4, 7) {
-        0b0111000 | 0b0111001 => Insn {
+        0b0111000 if second & 0xf300 == 0x8000 => Insn {
             n: reg(first, 0, 4),
             imm: bits(second, 0, 8),
             amount: bits(second, 10, 2) as u8,
             ..Insn::new(Op::Msr, Class::Status, 4)
         },
-        0b0111010 if bits(second, 8, 3) == 0 => match bits(second, 0, 8) {
+        0b0111010 if first & 0xf == 0xf && second & 0xff00 == 0x8000 => match bits(second, 0, 8) {
             0 => Insn::new(Op::Nop, Class::Nop, 4),
             2 => Insn::new(Op::Wfe, Class::Wait, 4),
             3 => Insn::new(Op::Wfi, Class::Wait, 4),
             4 => Insn::new(Op::Sev, Class::Control, 4),
             _ => Insn::new(Op::Nop, Class::Nop, 4),
         },
-        0b0111011 => match bits(second, 4, 4) {
+        0b0111011 if first & 0xf == 0xf && second & 0xff00 == 0x8f00 => match bits(second, 4, 4) {
             2 if arch >= Arch::V7M => Insn::new(Op::Clrex, Class::Control, 4),
             4..=6 => Insn::new(Op::Barrier, Class::Barrier, 4),
             _ => undefined(4),
         },
-        0b0111110 | 0b0111111 => {
+        0b0111110 if first & 0xf == 0xf && second & 0xf000 == 0x8000 => {
             Insn { d: reg(second, 8, 4), imm: bits(second, 0, 8), ..Insn::new(Op::Mrs, Class::Status, 4) }
         }
         _ => undefined(4),

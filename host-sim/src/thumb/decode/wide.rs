@@ -27,6 +27,11 @@ pub(super) fn decode(arch: Arch, pc: u32, first: u32, second: u32) -> Insn {
     }
 }
 
+/// Registers that most 32-bit instructions do not take.
+fn sp_or_pc(register: u8) -> bool {
+    register == 13 || register == 15
+}
+
 /// LDM, STM (A5.3.5).
 fn multiple(first: u32, second: u32) -> Insn {
     let (n, list, load) = (reg(first, 0, 4), second & 0xffff, first & 1 << 4 != 0);
@@ -74,26 +79,41 @@ fn dual(arch: Arch, pc: u32, first: u32, second: u32) -> Insn {
             Insn { a: t, n, imm, amount: bytes, s: true, ..Insn::new(Op::StoreRelease, Class::Store, 4) }
         }
     };
+    let table_branch = up && load && bits(second, 5, 3) == 0;
+    if n == 15 && !table_branch {
+        return undefined(4);
+    }
     if !up {
-        if load {
-            return exclusive(4, offset);
-        }
-        if arch == Arch::V8M && t == 15 {
-            return Insn { d: t2, ..alu(Op::Tt) };
-        }
-        return Insn { d: t2, ..exclusive(4, offset) };
+        return match (load, t) {
+            (true, _) if t2 == 15 && !sp_or_pc(t) => exclusive(4, offset),
+            (false, 15) if arch == Arch::V8M => Insn { d: t2, ..alu(Op::Tt) },
+            (false, _) if !sp_or_pc(t) && !sp_or_pc(t2) && t2 != t && t2 != n => {
+                Insn { d: t2, ..exclusive(4, offset) }
+            }
+            _ => undefined(4),
+        };
     }
     let status = reg(second, 0, 4);
-    match bits(second, 4, 4) {
-        kind @ (0 | 1) if load && t == 15 => {
+    let kind = bits(second, 4, 4);
+    if kind >= 2 {
+        // A second register is not there, and neither is a status unless the store is exclusive.
+        let with_status = !load && !(8..12).contains(&kind);
+        let status_fits =
+            if with_status { !sp_or_pc(status) && status != t && status != n } else { status == 15 };
+        if t2 != 15 || sp_or_pc(t) || !status_fits {
+            return undefined(4);
+        }
+    }
+    match kind {
+        0 | 1 if load && t == 15 && t2 == 0 && !sp_or_pc(status) => {
             let op = if kind == 0 { Op::Tbb } else { Op::Tbh };
             Insn { n, m: status, ..Insn::new(op, Class::TableBranch, 4) }
         }
-        kind @ (4 | 5) => {
+        4 | 5 => {
             let bytes = if kind == 4 { 1 } else { 2 };
             if load { exclusive(bytes, 0) } else { Insn { d: status, ..exclusive(bytes, 0) } }
         }
-        kind @ (8..=10 | 12..=14) if arch == Arch::V8M => {
+        8..=10 | 12..=14 if arch == Arch::V8M => {
             let bytes = 1 << (kind & 3);
             let insn = Insn { s: kind >= 12, ..exclusive(bytes, 0) };
             if load || kind < 12 { insn } else { Insn { d: status, ..insn } }
@@ -130,10 +150,17 @@ fn shifted_register(arch: Arch, first: u32, second: u32) -> Insn {
     let (n, d, m) = (reg(first, 0, 4), reg(second, 8, 4), reg(second, 0, 4));
     let s = first & 1 << 4 != 0;
     let number = bits(first, 5, 4);
+    if second & 0x8000 != 0 {
+        return undefined(4);
+    }
     let (shift, amount) = immediate_shift(bits(second, 4, 2), bits(second, 12, 3) << 2 | bits(second, 6, 2));
     let plain = shift == Shift::Lsl && amount == 0;
     if number == 6 {
-        if arch < Arch::V7EM || s || bits(second, 4, 1) != 0 {
+        if arch < Arch::V7EM
+            || s
+            || bits(second, 4, 1) != 0
+            || [n, d, m].iter().any(|&register| sp_or_pc(register))
+        {
             return undefined(4);
         }
         let imm = bits(second, 5, 1);
@@ -188,7 +215,8 @@ fn plain_constant(arch: Arch, pc: u32, first: u32, second: u32) -> Insn {
     let lsb = bits(second, 12, 3) << 2 | bits(second, 6, 2);
     let low5 = bits(second, 0, 5);
     let here = (pc & !3).wrapping_add(4);
-    if d == 15 {
+    let wants_zeroes = first & 1 << 8 != 0 && first & 1 << 9 != 0;
+    if d == 15 || wants_zeroes && (first & 1 << 10 != 0 || second & 1 << 5 != 0) {
         return undefined(4);
     }
     match bits(first, 4, 5) {
@@ -279,6 +307,7 @@ fn single(pc: u32, first: u32, second: u32) -> Insn {
     let imm = if second & 1 << 9 != 0 { offset } else { offset.wrapping_neg() };
     let index = match bits(second, 8, 3) {
         // Negative offset, and unprivileged (everything is privileged here).
+        0b110 if sp_or_pc(t) => return undefined(4),
         0b100 | 0b110 => Index::Offset,
         0b101 | 0b111 => Index::Pre,
         0b001 | 0b011 => Index::Post,
