@@ -14,7 +14,7 @@ use host_sim::thumb::Core;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Count what decoding a clip costs on a microcontroller: cycles, stack, flash, RAM, energy.
 ///
@@ -125,7 +125,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let bar = ProgressBar::new(u64::from(clip.frames()) * cores.len() as u64);
     bar.set_style(ProgressStyle::with_template("{wide_bar} {pos} of {len} frames, {msg}")?);
     let mut reports = Vec::new();
-    let (mut instructions, started) = (0, Instant::now());
+    let (mut instructions, mut simulated) = (0, Duration::ZERO);
     for (&core, image) in cores.iter().zip(&images) {
         bar.set_message(core.name());
         let mut pose = vec![I16F16::ZERO; clip.channels()];
@@ -133,6 +133,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let measured = measure::run(core, image, args.wait_states, decoder, &mut || bar.inc(1))
             .with_context(|| format!("{name} on {}", core.name()))?;
         instructions += measured.instructions;
+        simulated += measured.simulated;
         let clock_hz = args.part.map_or(args.clock.unwrap_or(64e6), |part| part.clock_hz);
         let mut report = CoreReport::new(core, image, measured, clip.channels(), clock_hz, rate_hz)?;
         let part = args.part.filter(|part| part.core == core);
@@ -140,7 +141,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         reports.push(report);
     }
     bar.finish_and_clear();
-    let seconds = started.elapsed().as_secs_f64();
+    let seconds = simulated.as_secs_f64();
     let layout = clip.layout();
     let report = Report {
         clip: name,

@@ -142,7 +142,7 @@ fn node(page: &mut dyn Write, node: &Node, scale: Scale, left: f64, depth: usize
          width=\"{:.2}\" height=\"{}\" rx=\"2\" fill=\"hsl({hue} 70% 74%)\"/>",
         node.cycles as f64 / scale.frames,
         node.cycles as f64 / scale.total * 100.0,
-        node.itself() as f64 / scale.frames,
+        node.itself as f64 / scale.frames,
         (width - 1.0).max(0.4),
         ROW - 2.0,
     )?;
