@@ -14,6 +14,7 @@ use std::time::Duration;
 
 /// Compare with what else is at hand.
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  bunraku bench peers")]
 pub struct Args {
     #[command(subcommand)]
     what: What,
