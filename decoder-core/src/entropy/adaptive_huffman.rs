@@ -5,7 +5,7 @@
 //! code is at any time a Huffman code of the counts so far, and an update moves a node at most once a level.
 //!
 //! Bounds: `2^bits` symbols take [`AdaptiveHuffman::words`] 16-bit words. Counting stops when the root weighs
-//! [`MAX_WEIGHT`], so no code is longer than 24 bits. An update looks at each node at most once for each level.
+//! [`MAX_WEIGHT`], so no code is longer than 21 bits. An update looks at each node at most once for each level.
 
 use super::{Context, SymbolSource};
 use crate::bits::BitReader;
@@ -14,7 +14,7 @@ use crate::bits::BitReader;
 pub const MAX_WEIGHT: u16 = 1 << 15;
 
 /// No code is longer: a code of n bits takes a weight of the (n + 2)th Fibonacci number.
-const MAX_LENGTH: u32 = 24;
+const MAX_LENGTH: u32 = 21;
 
 /// Most bits of the alphabet.
 pub const MAX_BITS: u8 = 8;
@@ -262,7 +262,7 @@ mod tests {
             symbols.push(symbol as u32);
             let coded = (symbol as u32).min(encoder.escape());
             let (code, length) = encoder.code(coded);
-            assert!(length <= 24);
+            assert!(length <= MAX_LENGTH);
             written.extend((0..length).rev().map(|bit| code >> bit & 1 == 1));
             if coded == encoder.escape() {
                 written.extend((0..8).rev().map(|bit| symbol >> bit & 1 == 1));
@@ -283,17 +283,21 @@ mod tests {
     }
 
     #[test]
-    fn the_longest_code_has_at_most_24_bits() {
+    fn fibonacci_weights_make_the_longest_codes() {
         // Counts like Fibonacci numbers make the deepest tree.
-        let mut memory = memory(5);
-        let mut tree = AdaptiveHuffman::new(5, &mut memory).unwrap();
+        let mut memory = memory(4);
+        let mut tree = AdaptiveHuffman::new(4, &mut memory).unwrap();
         let (mut a, mut b) = (1u32, 1u32);
-        for symbol in 0..32 {
+        for symbol in 0..16 {
             (1..a).for_each(|_| tree.count(symbol));
             (a, b) = (b, a + b);
         }
-        let longest = (0..32).map(|symbol| tree.code(symbol).1).max().unwrap();
-        assert!((17..=MAX_LENGTH).contains(&longest), "{longest}");
+        let mut lengths = std::vec::Vec::from_iter((0..16).map(|symbol| tree.code(symbol).1));
+        lengths.sort_unstable();
+        assert_eq!(lengths[13..], [14, 15, 15]);
+        // So a code of n bits takes a root of the (n + 2)th Fibonacci number.
+        let root = (0..MAX_LENGTH + 2).fold((1u32, 1u32), |(a, b), _| (b, a + b)).0;
+        assert!(root > u32::from(MAX_WEIGHT), "a code of more than {MAX_LENGTH} bits takes {root}");
         check(&tree);
     }
 
