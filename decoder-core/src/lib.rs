@@ -25,6 +25,7 @@ pub mod bits;
 pub mod entropy;
 mod error;
 pub mod float;
+pub mod mclip;
 pub mod predict;
 pub mod qmd;
 pub mod quantise;

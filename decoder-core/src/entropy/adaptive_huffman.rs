@@ -71,7 +71,8 @@ impl<'t> AdaptiveHuffman<'t> {
         let first_leaf = symbols.wrapping_sub(1);
         // Level by level, as in a heap.
         let (mut level_end, mut weight) = (1u16, symbols);
-        for (node, (slot, child)) in (0u16..).zip(self.weights.iter_mut().zip(self.children.iter_mut())) {
+        let mut node = 0u16;
+        for (slot, child) in self.weights.iter_mut().zip(self.children.iter_mut()) {
             if node == level_end {
                 level_end = level_end.wrapping_mul(2).wrapping_add(1);
                 weight >>= 1;
@@ -82,9 +83,11 @@ impl<'t> AdaptiveHuffman<'t> {
             } else {
                 LEAF | node.wrapping_sub(first_leaf)
             };
+            node = node.wrapping_add(1);
         }
-        self.parents.iter_mut().zip(0u16..).for_each(|(parent, node)| *parent = node);
-        self.leaves.iter_mut().zip(first_leaf..).for_each(|(leaf, node)| *leaf = node);
+        self.parents.iter_mut().enumerate().for_each(|(node, parent)| *parent = node as u16);
+        let leaves = self.leaves.iter_mut().enumerate();
+        leaves.for_each(|(symbol, leaf)| *leaf = first_leaf.wrapping_add(symbol as u16));
     }
 
     /// The escape: the last symbol.

@@ -27,6 +27,9 @@ pub struct Correlation {
 }
 
 impl Correlation {
+    /// A channel that has not moved.
+    pub const EMPTY: Self = Self { movements: [0; 2], sums: [0; 3] };
+
     /// The prediction after `last`. Two 16-bit multiplies.
     #[inline(always)]
     pub const fn predict(&self, [first, second]: [i16; 2], last: i32) -> i32 {

@@ -8,6 +8,17 @@ pub trait Predict {
     fn predict(&self, coefficients: [i16; 2], last: i32, before: i32) -> i32;
 }
 
+/// The last value: differences between frames, without a multiplication.
+#[derive(Clone, Copy, Debug)]
+pub struct Last;
+
+impl Predict for Last {
+    #[inline(always)]
+    fn predict(&self, _: [i16; 2], last: i32, _: i32) -> i32 {
+        last
+    }
+}
+
 /// First order: α₁ · x(n − 1). The best α₁ is R(1)/R(0) (7-14); the encoder finds it. One multiplication of a word.
 #[derive(Clone, Copy, Debug)]
 pub struct First;

@@ -6,7 +6,7 @@ pub mod adaptive;
 pub mod fixed;
 
 pub use adaptive::Correlation;
-pub use fixed::{First, Predict, Second};
+pub use fixed::{First, Last, Predict, Second};
 
 /// A coefficient of 1.
 pub const ONE: i16 = 1 << 14;

@@ -50,20 +50,28 @@ impl Grid {
     }
 
     /// The value that a code stands for: `low + code · Δ + ⌊Δ / 2⌋`, wrapping.
-    #[inline(always)]
-    pub const fn value(self, code: u32) -> i32 {
-        let step = self.step();
-        self.low.wrapping_add(step.wrapping_mul(code as i32)).wrapping_add(step >> 1)
+    pub fn value(self, code: u32) -> i32 {
+        self.low.wrapping_add(self.difference(code, &mut Cell::default()))
     }
 
     /// The code of a value, of `2^bits` codes. Only an encoder needs it: it divides.
     pub fn code(self, value: i32, bits: u8) -> u32 {
-        if value <= self.low {
-            return 0;
-        }
-        let step = self.step().unsigned_abs();
-        let last = Cell { step: 0, bits }.symbols().wrapping_sub(1);
-        self.low.abs_diff(value).checked_div(step).unwrap_or(0).min(last)
+        self.nearest(value.max(self.low).wrapping_sub(self.low), &Cell { step: 0, bits })
+    }
+}
+
+/// Differences are from the lower limit. One multiply a symbol.
+impl Quantise for Grid {
+    #[inline(always)]
+    fn difference(&self, symbol: u32, _: &mut Cell) -> i32 {
+        let step = self.step();
+        step.wrapping_mul(symbol as i32).wrapping_add(step >> 1)
+    }
+
+    fn nearest(&self, difference: i32, cell: &Cell) -> u32 {
+        // A difference from the lower limit is unsigned.
+        let code = difference.cast_unsigned().checked_div(self.step().cast_unsigned()).unwrap_or(0);
+        code.min(cell.symbols().wrapping_sub(1))
     }
 }
 
