@@ -3,8 +3,12 @@
 
 pub mod board;
 pub mod files;
+pub mod image;
+pub mod peers;
 pub mod play;
+pub mod profile;
 pub mod puppet;
 pub mod qemu;
 mod qemu_log;
 pub mod servos;
+pub mod thumb;

@@ -21,8 +21,10 @@ enum Command {
     Compare(commands::compare::Args),
     Optimize(commands::optimize::Args),
     Play(commands::play::Args),
+    Profile(commands::profile::Args),
     Qemu(commands::qemu::Args),
     Demo(commands::demo::Args),
+    Bench(commands::bench::Args),
     Table1(commands::table1::Args),
     Servos(commands::servos::Args),
 }
@@ -50,8 +52,10 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Compare(args) => commands::compare::run(args),
         Command::Optimize(args) => commands::optimize::run(args),
         Command::Play(args) => commands::play::run(args),
+        Command::Profile(args) => commands::profile::run(args),
         Command::Qemu(args) => commands::qemu::run(args),
         Command::Demo(args) => commands::demo::run(args),
+        Command::Bench(args) => commands::bench::run(args),
         Command::Table1(args) => commands::table1::run(args),
         Command::Servos(args) => commands::servos::run(args),
     }

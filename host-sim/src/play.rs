@@ -1,10 +1,13 @@
 //! Plays a clip on virtual servos and records what they are told: by the firmware library right here, or by the
-//! same library on a board under QEMU.
+//! same library on a board under QEMU or on the simulated core.
 
 use crate::board;
+use crate::files;
 use crate::puppet::Map;
 use crate::qemu;
+use crate::qemu_log::Log;
 use crate::servos::{Bus, BusConfig, Event, ServoConfig};
+use crate::thumb::{Board, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::qmd::Clip;
 use decoder_core::{I16F16, Limits};
@@ -92,7 +95,45 @@ pub fn on_qemu(bytes: &[u8], map: &Map, centihertz: u16, log: &mut dyn FnMut(&st
     recorder.finish(None)
 }
 
-/// How long QEMU may take: simulated seconds took half a second each where this was measured.
+/// As [`on_qemu`], on the simulated Cortex-M4, which also says how its cycles were spent.
+///
+/// # Errors
+/// As [`on_qemu`], and where the image does what the simulator does not know.
+pub fn on_sim(
+    bytes: &[u8],
+    map: &Map,
+    centihertz: u16,
+    log: &mut dyn FnMut(&str),
+) -> Result<(Recording, Usage)> {
+    let clip = Clip::parse(bytes, Limits::MAX)?;
+    let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
+    let path = folder.path().join("bunraku-board");
+    board::build(bytes, map, centihertz, &path)?;
+    let elf = files::read(&path)?;
+    let mut lines = Log::new(&elf)?;
+    let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
+    let mut machine = Machine::new(Core::M4, &Board::mps2(), &image).map_err(|error| anyhow!(error))?;
+    let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
+    let mut recorder = Recorder::new(map)?;
+    let mut garbled = Ok(());
+    let ended = machine.run_to_exit(
+        &mut |bytes| recorder.receive(bytes),
+        &mut |bytes| {
+            if garbled.is_ok() {
+                garbled = lines.take(bytes, log);
+            }
+        },
+        limit(clip.frames(), rate).as_secs() * u64::from(board::CLOCK_HZ),
+    );
+    garbled?;
+    match ended.map_err(|fault| anyhow!("{fault}"))? {
+        Some(0) => Ok((recorder.finish(None)?, machine.usage())),
+        Some(code) => bail!("the image on the simulated board ended with exit code {code}"),
+        None => bail!("the image on the simulated board did not come to an end"),
+    }
+}
+
+/// How long QEMU may take, or simulated time be: simulated seconds took half a second each where this was measured.
 fn limit(frames: u32, centihertz: u16) -> Duration {
     let seconds = u64::from(frames) * 100 / u64::from(centihertz.max(1));
     Duration::from_secs(60 + 10 * seconds)

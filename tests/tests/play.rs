@@ -1,4 +1,4 @@
-//! The player gives the same goals here and on the Cortex-M4 board under QEMU.
+//! The player gives the same goals here, and on the Cortex-M4 board under QEMU and on the simulated core.
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{bunraku, motion, require_program, require_target, workspace};
@@ -55,15 +55,22 @@ fn write_sample(folder: &Path) -> (PathBuf, PathBuf) {
     (motion, skeleton)
 }
 
-fn same_on_both(motion: &Path, skeleton: &Path, puppet: &str, ticks: usize) {
+fn same_everywhere(motion: &Path, skeleton: &Path, puppet: &str, ticks: usize) {
     let folder = tempfile::tempdir().unwrap();
     let (report, here) = play(folder.path(), motion, skeleton, puppet, "host");
     assert_eq!(report["ticks"], ticks);
     assert_eq!(here.lines().count(), 1 + 12 * ticks);
     assert_eq!(here.lines().next(), Some("time_s,servo,goal_position"));
     if can_run_the_board() {
-        let (_, there) = play(folder.path(), motion, skeleton, puppet, "qemu");
-        assert!(here == there, "the logs of {} differ", motion.display());
+        for on in ["qemu", "sim"] {
+            let (report, there) = play(folder.path(), motion, skeleton, puppet, on);
+            assert!(here == there, "the logs of {} on {on} differ", motion.display());
+            if on == "sim" {
+                // Three in four ticks of the core's clock must pass asleep, or sleeping does not work.
+                let awake = report["awake"].as_f64().unwrap();
+                assert!(awake > 0.0 && awake < 0.25, "{report}");
+            }
+        }
     }
 }
 
@@ -72,7 +79,7 @@ fn the_cmu_walk_is_the_same_on_the_board() {
     let Some(folder) = motion() else { return };
     let folder = folder.join("cmu");
     // 343 frames at 120 Hz: ⌈342 · 50 / 120⌉ + 1 ticks.
-    same_on_both(&folder.join("02_01.amc"), &folder.join("02.asf"), "cmu-12.toml", 144);
+    same_everywhere(&folder.join("02_01.amc"), &folder.join("02.asf"), "cmu-12.toml", 144);
 }
 
 #[test]
@@ -80,7 +87,7 @@ fn the_sample_is_the_same_on_the_board() {
     let folder = tempfile::tempdir().unwrap();
     let (motion, skeleton) = write_sample(folder.path());
     // An AMC has no rate, so 480 frames play at 120 Hz: ⌈479 · 50 / 120⌉ + 1 ticks.
-    same_on_both(&motion, &skeleton, "sample.toml", 201);
+    same_everywhere(&motion, &skeleton, "sample.toml", 201);
 }
 
 #[test]

@@ -1,7 +1,7 @@
-//! `cargo xtask`: the two commands of a fresh clone.
+//! `cargo xtask`: the commands of a fresh clone.
 //!
-//! `demo` runs the main job on the embedded clip, `test` runs all tests. Both install what they need first, or say
-//! exactly what is missing.
+//! `demo` runs the main job on the embedded clip, `test` runs all tests, `calibrate` those that the simulated cores
+//! are trusted by. All install what they need first, or say exactly what is missing.
 #![forbid(unsafe_code)]
 
 mod setup;
@@ -16,9 +16,10 @@ const USAGE: &str = "\
 Usage: cargo xtask <COMMAND>
 
 Commands:
-  demo   Encode, compare and play the embedded clip, on this machine and on a Cortex-M4 in QEMU
-  test   Run all tests; what cannot run here is listed and counted. Arguments go to the test runner
-  setup  Only install what the other two need, or say what is missing
+  demo       Encode, compare and play the embedded clip, on this machine and on a Cortex-M4 in QEMU
+  test       Run all tests; what cannot run here is listed and counted. Arguments go to the test runner
+  calibrate  Print how well the simulated cores agree with measurements and other simulators (docs/CYCLES.md)
+  setup      Only install what the others need, or say what is missing
 ";
 
 type Result<T> = std::result::Result<T, String>;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
     let done = match (command.as_deref(), rest.as_slice()) {
         (Some("demo"), []) => demo(),
         (Some("test"), _) => test(&rest),
+        (Some("calibrate"), []) => calibrate(),
         (Some("setup"), []) => setup::all().report(),
         _ => {
             eprint!("{USAGE}");
@@ -94,6 +96,17 @@ fn test(arguments: &[String]) -> Result<()> {
         (1.., Some(_)) => Err(format!("{count} tests were skipped, and in CI a skip is a failure")),
         _ => Ok(()),
     }
+}
+
+/// The tests that show how well the simulated cores agree with others, with what they print.
+fn calibrate() -> Result<()> {
+    setup::all().report()?;
+    let mut tests = cargo();
+    tests.args(["test", "--quiet", "--package", "bunraku-tests"]);
+    for name in ["rules", "calibration", "random", "lockstep", "images"] {
+        tests.arg("--test").arg(format!("thumb_{name}"));
+    }
+    run(tests.args(["--", "--nocapture", "--test-threads", "1"]))
 }
 
 fn workspace() -> &'static Path {

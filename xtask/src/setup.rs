@@ -1,13 +1,19 @@
-//! What a fresh Debian or Ubuntu machine lacks: Rust's targets, QEMU, and a Python with the peers of the tests.
+//! What a fresh Debian or Ubuntu machine lacks: Rust's targets, QEMU, a C compiler for Cortex-M, and the packages in
+//! Python and npm that tests compare us with.
 
 use crate::{Result, run, workspace};
 use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-/// Cortex-M0 and M0+, M3, M4 without FPU, and browsers.
-const TARGETS: [&str; 4] =
-    ["thumbv6m-none-eabi", "thumbv7m-none-eabi", "thumbv7em-none-eabi", "wasm32-unknown-unknown"];
+/// Cortex-M0 and M0+, M3, M4 without FPU, M33, and browsers.
+const TARGETS: [&str; 5] = [
+    "thumbv6m-none-eabi",
+    "thumbv7m-none-eabi",
+    "thumbv7em-none-eabi",
+    "thumbv8m.main-none-eabi",
+    "wasm32-unknown-unknown",
+];
 
 /// What was found or installed.
 #[derive(Default)]
@@ -43,6 +49,8 @@ pub fn all() -> Ready {
         Ok(python) => ready.python = Some(python),
         Err(error) => ready.missing.push(error),
     }
+    ready.missing.extend(c_compiler().err());
+    ready.missing.extend(npm_peers().err());
     ready
 }
 
@@ -80,13 +88,53 @@ fn program(name: &str, package: &str) -> Result<()> {
     if works(Command::new(name).arg("--version")) {
         return Ok(());
     }
-    apt(package).map_err(|_| {
+    apt(&[package]).map_err(|_| {
         format!("{name}: sudo apt-get install --no-install-recommends {package}, or your system's equal")
     })
 }
 
-/// Installs a Debian package, as root or with a sudo that asks for no password.
-fn apt(package: &str) -> Result<()> {
+/// Makes sure of a C compiler for Cortex-M with a C library, which a crate with published cycles is built with.
+fn c_compiler() -> Result<()> {
+    let mut compile = Command::new("arm-none-eabi-gcc");
+    compile.args(["-fsyntax-only", "-include", "string.h", "-x", "c", "/dev/null"]);
+    if works(&mut compile) {
+        return Ok(());
+    }
+    let packages = ["gcc-arm-none-eabi", "libnewlib-arm-none-eabi"];
+    apt(&packages).map_err(|_| {
+        let packages = packages.join(" ");
+        format!("arm-none-eabi-gcc: sudo apt-get install --no-install-recommends {packages}, or your system's equal")
+    })
+}
+
+/// Installs the packages of tests/peers/package.json into target/npm.
+fn npm_peers() -> Result<()> {
+    let from = workspace().join("tests/peers/package.json");
+    let wanted =
+        fs::read_to_string(&from).map_err(|error| format!("cannot read {}: {error}", from.display()))?;
+    let folder = workspace().join("target/npm");
+    let stamp = folder.join("installed.json");
+    program("node", "nodejs")?;
+    if fs::read_to_string(&stamp).is_ok_and(|installed| installed == wanted) {
+        return Ok(());
+    }
+    println!("installing the npm packages that tests compare us with into target/npm");
+    program("npm", "npm")?;
+    let write = |path: &PathBuf| {
+        fs::write(path, &wanted).map_err(|error| format!("cannot write {}: {error}", path.display()))
+    };
+    fs::create_dir_all(&folder).map_err(|error| format!("cannot make {}: {error}", folder.display()))?;
+    write(&folder.join("package.json"))?;
+    run(Command::new("npm")
+        .args(["install", "--silent", "--no-audit", "--no-fund", "--no-package-lock", "--prefix"])
+        .arg(&folder)
+        .stdout(Stdio::null()))
+    .map_err(|error| format!("the packages of tests/peers/package.json: {error}"))?;
+    write(&stamp)
+}
+
+/// Installs Debian packages, as root or with a sudo that asks for no password.
+fn apt(packages: &[&str]) -> Result<()> {
     let root = Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout.trim_ascii() == b"0");
     let apt = || {
         let mut command = if root {
@@ -99,10 +147,10 @@ fn apt(package: &str) -> Result<()> {
         command.env("DEBIAN_FRONTEND", "noninteractive").stdout(Stdio::null());
         command
     };
-    println!("installing the Debian package {package}");
+    println!("installing from Debian: {}", packages.join(" "));
     // Lists may be old or not there at all; where they cannot be had, the package may be known all the same.
     let _ = run(apt().args(["update", "-q"]));
-    run(apt().args(["install", "-q", "-y", "--no-install-recommends", package]))
+    run(apt().args(["install", "-q", "-y", "--no-install-recommends"]).args(packages))
 }
 
 /// A virtual environment in target/ with the packages of tests/peers/requirements.txt.
@@ -120,7 +168,7 @@ fn peers() -> Result<PathBuf> {
     program("python3", "python3")?;
     let venv = || works(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder));
     if !venv() {
-        apt("python3-venv").map_err(|_| "Python's venv: sudo apt-get install python3-venv".to_owned())?;
+        apt(&["python3-venv"]).map_err(|_| "Python's venv: sudo apt-get install python3-venv".to_owned())?;
         if !venv() {
             return Err(
                 "Python's venv: `python3 -m venv` fails although python3-venv is installed".to_owned()

@@ -1,7 +1,7 @@
 //! Plays a clip that lies in memory, frame by frame.
 
 use super::clip::{Clip, Segment};
-use super::row::{self, Table};
+use super::row::{self, NARROW, Table};
 use super::segment::lent;
 use crate::error::{Error, Field};
 use fixed::types::I16F16;
@@ -13,11 +13,32 @@ use fixed::types::I16F16;
 pub struct Decoder<'a, 's> {
     clip: Clip<'a>,
     pose: &'s mut [I16F16],
-    words: Option<&'s mut [i32]>,
+    lent: Lent<'s>,
     segment: Segment<'a>,
     /// What follows the segment.
     rest: &'a [u8],
+    /// Bytes of a row.
+    row_bytes: usize,
     position: u32,
+}
+
+/// What the caller has lent for the table.
+#[derive(Debug)]
+enum Lent<'s> {
+    Nothing,
+    Narrow(&'s mut [i32; NARROW]),
+    Words(&'s mut [i32]),
+}
+
+impl Lent<'_> {
+    /// Makes room for a segment's table, where there is any.
+    fn convert(&mut self, segment: Segment<'_>) {
+        match self {
+            Self::Nothing => {}
+            Self::Narrow(words) => row::convert(segment.table, words.as_mut_slice()),
+            Self::Words(words) => row::convert(segment.table, words),
+        }
+    }
 }
 
 impl<'a, 's> Decoder<'a, 's> {
@@ -27,31 +48,36 @@ impl<'a, 's> Decoder<'a, 's> {
         table: Option<&'s mut [i32]>,
     ) -> Result<Self, Error> {
         let pose = lent(pose, clip.channels(), Field::Pose)?;
-        let words = match table {
-            Some(table) => Some(lent(table, clip.table_len(), Field::Table)?),
-            None => None,
+        let mut lent = match table {
+            None => Lent::Nothing,
+            Some(table) if clip.table_len() == NARROW => {
+                let lent = table.len();
+                let small = Error::OutputTooSmall { field: Field::Table, needed: NARROW, lent };
+                Lent::Narrow(table.first_chunk_mut().ok_or(small)?)
+            }
+            Some(table) => Lent::Words(lent(table, clip.table_len(), Field::Table)?),
         };
         let (segment, rest) = clip.first_segment();
-        let mut decoder = Self { clip, pose, words, segment, rest, position: 0 };
-        decoder.rewind();
-        Ok(decoder)
+        let row_bytes = clip.layout().row_bytes();
+        lent.convert(segment);
+        clip.initial_pose(pose);
+        Ok(Self { clip, pose, lent, segment, rest, row_bytes, position: 0 })
     }
 
     /// Decodes the next frame and returns its pose, an element a channel; `None` after the last one.
     pub fn next_frame(&mut self) -> Option<&[I16F16]> {
-        if self.segment.rows.is_empty() {
-            let (segment, rest) = self.clip.next_segment(self.rest)?;
-            self.enter(segment, rest);
-        }
-        let layout = self.clip.layout();
-        let (row, rows) = self.segment.rows.split_at_checked(layout.row_bytes())?;
-        self.segment.rows = rows;
-        let table = match &self.words {
-            Some(words) => Table::Words(words),
-            None => Table::Floats(self.segment.table),
+        let (row, rows) = match self.segment.rows.split_at_checked(self.row_bytes) {
+            Some(split) => split,
+            None => self.next_segment()?,
         };
-        row::add(layout, row, table, self.pose);
+        self.segment.rows = rows;
         self.position = self.position.wrapping_add(1);
+        let table = match &self.lent {
+            Lent::Narrow(words) => Table::Narrow(words),
+            Lent::Words(words) => Table::Words(words),
+            Lent::Nothing => Table::Floats(self.segment.table),
+        };
+        row::add(self.clip.layout(), row, table, self.pose);
         Some(self.pose)
     }
 
@@ -90,12 +116,19 @@ impl<'a, 's> Decoder<'a, 's> {
         &self.clip
     }
 
+    /// Goes on to the next segment: its first row, and the others. Out of the way of the frames that open none.
+    #[cold]
+    #[inline(never)]
+    fn next_segment(&mut self) -> Option<(&'a [u8], &'a [u8])> {
+        let (segment, rest) = self.clip.next_segment(self.rest)?;
+        self.enter(segment, rest);
+        segment.rows.split_at_checked(self.row_bytes)
+    }
+
     fn enter(&mut self, segment: Segment<'a>, rest: &'a [u8]) {
         self.segment = segment;
         self.rest = rest;
-        if let Some(words) = &mut self.words {
-            row::convert(segment.table, words);
-        }
+        self.lent.convert(segment);
     }
 }
 

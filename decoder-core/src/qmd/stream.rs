@@ -142,7 +142,7 @@ impl<'s> Stream<'s> {
                 if let Some(layout) = self.layout {
                     let channels = usize::from(layout.channels);
                     let pose = lent(self.pose, channels, Field::Pose)?;
-                    row::add(layout, unit, Table::Words(self.words), pose);
+                    row::add(layout, unit, Table::of(self.words, layout), pose);
                     step = Step::Frame { channels };
                 }
                 Read::Row

@@ -1,5 +1,6 @@
 //! One file per subcommand: its arguments and what it does.
 
+pub mod bench;
 pub mod compare;
 pub mod decode;
 pub mod demo;
@@ -8,6 +9,7 @@ pub mod info;
 mod input;
 pub mod optimize;
 pub mod play;
+pub mod profile;
 pub mod qemu;
 pub mod servos;
 pub mod table1;

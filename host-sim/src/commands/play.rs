@@ -4,16 +4,18 @@ use anyhow::{Context, Result, anyhow, bail};
 use clap::ValueEnum;
 use decoder_core::Limits;
 use decoder_core::qmd::Clip;
+use host_sim::board;
 use host_sim::files;
 use host_sim::play::{self, Recording, seconds};
 use host_sim::puppet::Puppet;
+use host_sim::thumb::Usage;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Play a clip on the virtual servos of a puppet, and log every goal position that they are told.
 ///
-/// On the host, the firmware's player runs in this program; on qemu, it runs on a simulated Cortex-M4 board, whose
-/// image is built for the clip and the puppet. Both logs are the same.
+/// On the host, the firmware's player runs in this program; on qemu and sim, it runs on a Cortex-M4 board, whose image is
+/// built for the clip and the puppet. All three logs are the same. sim counts cycles, so it says how long the core was awake.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on qemu --log walk.csv"
@@ -48,6 +50,8 @@ enum On {
     Host,
     /// On QEMU's mps2-an386, a Cortex-M4.
     Qemu,
+    /// On the simulated Cortex-M4, which counts cycles.
+    Sim,
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
@@ -69,11 +73,15 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     let map = puppet.map(&skeleton)?;
 
-    let recording = match args.on {
-        On::Host => play::on_host(&clip, &map, centihertz),
-        On::Qemu => play::on_qemu(&bytes, &map, centihertz, &mut |line| eprintln!("{line}")),
+    let log = &mut |line: &str| eprintln!("{line}");
+    let played = match args.on {
+        On::Host => play::on_host(&clip, &map, centihertz).map(|recording| (recording, None)),
+        On::Qemu => play::on_qemu(&bytes, &map, centihertz, log).map(|recording| (recording, None)),
+        On::Sim => {
+            play::on_sim(&bytes, &map, centihertz, log).map(|(recording, usage)| (recording, Some(usage)))
+        }
     };
-    let recording = recording.with_context(|| format!("cannot play {name}"))?;
+    let (recording, usage) = played.with_context(|| format!("cannot play {name}"))?;
     if let Some(log) = &args.log {
         write_log(log, &recording)?;
     }
@@ -83,6 +91,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let report = serde_json::json!({
             "on": args.on, "ticks": recording.ticks, "servos": servos, "servo_hz": map.tick_hz(),
             "seconds": duration as f64 / 1e6, "goals": recording.goals.len(), "log": args.log,
+            "cycles": usage.map(|usage| usage.cycles), "cycles_asleep": usage.map(|usage| usage.asleep),
+            "awake": usage.map(awake),
         });
         println!("{report:#}");
     } else {
@@ -92,8 +102,23 @@ pub fn run(args: Args) -> Result<ExitCode> {
             map.tick_hz(),
             seconds(duration)
         );
+        if let Some(usage) = usage {
+            println!(
+                "  {} cycles at {} MHz, of which {} awake: {:.3} %, {:.0} cycles a tick",
+                usage.cycles,
+                board::CLOCK_HZ / 1_000_000,
+                usage.cycles - usage.asleep,
+                100.0 * awake(usage),
+                (usage.cycles - usage.asleep) as f64 / f64::from(recording.ticks.max(1)),
+            );
+        }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The part of its cycles that a core was not asleep.
+fn awake(usage: Usage) -> f64 {
+    1.0 - usage.asleep as f64 / usage.cycles as f64
 }
 
 fn centihertz(fps: f64) -> Result<u16> {

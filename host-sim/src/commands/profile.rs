@@ -1,0 +1,311 @@
+//! `bunraku profile`: what a clip costs on a microcontroller.
+
+use anyhow::{Context, Result, anyhow, bail};
+use decoder_core::qmd::Clip;
+use decoder_core::{I16F16, Limits};
+use encoder::qmd::{Method, Parameters};
+use host_sim::files;
+use host_sim::profile;
+use host_sim::profile::baseline::Baseline;
+use host_sim::profile::parts::{PARTS, Part};
+use host_sim::profile::report::{Budget, Simulation, Subject, Table};
+use host_sim::profile::{CoreReport, Report, html, measure};
+use host_sim::thumb::Core;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// Count what decoding a clip costs on a microcontroller: cycles, stack, flash, RAM, energy.
+///
+/// Builds the decoder with the clip for each core and runs it on a simulated one (docs/CYCLES.md says how far its
+/// cycles can be trusted). Without a clip it takes the embedded sample.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  bunraku profile walk.qmd --core all --clock 64MHz --html walk.html\n  bunraku profile walk.qmd --part nrf52840 --budget 5%\n  bunraku profile --core cortex-m4 --json > baseline.json\n  bunraku profile --core cortex-m4 --baseline baseline.json\n\nThe exit code is 1 where the worst frame is over the budget or a frame has become slower than the baseline's."
+)]
+pub struct Args {
+    /// The clip: .qmd.
+    clip: Option<PathBuf>,
+    /// Cores, separated by commas, or all. Unless given: a part's core, or cortex-m0plus and cortex-m4.
+    #[arg(long, value_name = "CORES", value_delimiter = ',', value_parser = core)]
+    core: Vec<Cores>,
+    /// The clock, for shares of a frame's time; 64MHz unless given.
+    #[arg(long, value_name = "FREQUENCY", value_parser = frequency, conflicts_with = "part")]
+    clock: Option<f64>,
+    /// Frames per second, instead of the clip's own rate.
+    #[arg(long, value_name = "F", value_parser = positive)]
+    rate: Option<f64>,
+    /// Wait states of the flash.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=15))]
+    wait_states: u32,
+    /// A microcontroller, for energy at the clock of its datasheet's figures.
+    #[arg(long, value_name = "PART", value_parser = part)]
+    part: Option<&'static Part>,
+    /// The battery, with --part.
+    #[arg(long, value_name = "MAH", default_value_t = 1000.0, value_parser = positive, requires = "part")]
+    battery: f64,
+    /// Whether the decoder is lent RAM for a converted table.
+    #[arg(long, value_enum, default_value_t = Table::Lent)]
+    table: Table,
+    /// Most that the worst frame may take: cycles, or a part of a frame's time (5%).
+    #[arg(long, value_name = "CYCLES|PERCENT%")]
+    budget: Option<Budget>,
+    /// An earlier report (--json): fail where a frame has become more than 3 % slower.
+    #[arg(long, value_name = "FILE")]
+    baseline: Option<PathBuf>,
+    /// Write the report as a page with plots.
+    #[arg(long, value_name = "OUT.html")]
+    html: Option<PathBuf>,
+    /// Report as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--core` names.
+#[derive(Clone, Copy)]
+enum Cores {
+    All,
+    One(Core),
+}
+
+/// `all`: every core that firmware is written for, the multiplier fast.
+const ALL: [Core; 6] = [Core::M0, Core::M0Plus, Core::M3, Core::M4, Core::M33, Core::M7];
+
+fn core(name: &str) -> Result<Cores, String> {
+    if name == "all" {
+        return Ok(Cores::All);
+    }
+    Core::from_name(name).map(Cores::One).ok_or_else(|| {
+        let names: Vec<&str> = Core::ALL.iter().map(|core| core.name()).collect();
+        format!("expected all or {}", names.join(", "))
+    })
+}
+
+fn part(name: &str) -> Result<&'static Part, String> {
+    Part::named(name).ok_or_else(|| {
+        let names: Vec<&str> = PARTS.iter().map(|part| part.name).collect();
+        format!("expected {}", names.join(", "))
+    })
+}
+
+fn frequency(text: &str) -> Result<f64, String> {
+    let lower = text.to_ascii_lowercase();
+    let number = lower.strip_suffix("hz").unwrap_or(&lower);
+    let (number, unit) = match number.strip_suffix(['k', 'm', 'g']) {
+        Some(rest) if number.ends_with('k') => (rest, 1e3),
+        Some(rest) if number.ends_with('m') => (rest, 1e6),
+        Some(rest) => (rest, 1e9),
+        None => (number, 1.0),
+    };
+    positive(number).map(|number| number * unit).map_err(|_| "expected for instance 64MHz".to_owned())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("expected a number above 0".to_owned()),
+    }
+}
+
+pub fn run(args: Args) -> Result<ExitCode> {
+    let baseline = args.baseline.as_deref().map(Baseline::read).transpose()?;
+    let (name, bytes) = match &args.clip {
+        Some(path) => (path.display().to_string(), files::read(path)?),
+        None => ("embedded sample".to_owned(), sample()?),
+    };
+    let clip = Clip::parse(&bytes, Limits::MAX).with_context(|| format!("{name} is not a QMD clip"))?;
+    let own_rate = f64::from(clip.rate_centihertz()) / 100.0;
+    let Some(rate_hz) = args.rate.or((own_rate > 0.0).then_some(own_rate)) else {
+        bail!("{name} does not say its frame rate: give one with --rate");
+    };
+    let cores = cores(&args);
+    let images = build(&bytes, &cores, args.table)?;
+
+    let bar = ProgressBar::new(u64::from(clip.frames()) * cores.len() as u64);
+    bar.set_style(ProgressStyle::with_template("{wide_bar} {pos} of {len} frames, {msg}")?);
+    let mut reports = Vec::new();
+    let (mut instructions, started) = (0, Instant::now());
+    for (&core, image) in cores.iter().zip(&images) {
+        bar.set_message(core.name());
+        let mut pose = vec![I16F16::ZERO; clip.channels()];
+        let decoder = clip.decoder(&mut pose, None)?;
+        let measured = measure::run(core, image, args.wait_states, decoder, &mut || bar.inc(1))
+            .with_context(|| format!("{name} on {}", core.name()))?;
+        instructions += measured.instructions;
+        let clock_hz = args.part.map_or(args.clock.unwrap_or(64e6), |part| part.clock_hz);
+        let mut report = CoreReport::new(core, image, measured, clip.channels(), clock_hz, rate_hz)?;
+        let part = args.part.filter(|part| part.core == core);
+        report.energy = part.map(|part| part.energy(report.cycles_mean, rate_hz, args.battery));
+        reports.push(report);
+    }
+    bar.finish_and_clear();
+    let seconds = started.elapsed().as_secs_f64();
+    let layout = clip.layout();
+    let report = Report {
+        clip: name,
+        subject: Subject {
+            clip_bytes: bytes.len(),
+            frames: clip.frames(),
+            channels: clip.channels(),
+            fixed_channels: layout.fixed_channels,
+            index_bits: layout.index_bits,
+            segments: clip.segments(),
+            table: args.table,
+            wait_states: args.wait_states,
+        },
+        rate_hz,
+        cores: reports,
+        simulation: Simulation {
+            instructions,
+            seconds,
+            instructions_per_second: instructions as f64 / seconds,
+        },
+    };
+    if let Some(path) = &args.html {
+        let mut page = String::new();
+        html::write(&mut page, &report)?;
+        files::write(path, |file| Ok(file.write_all(page.as_bytes())?))?;
+    }
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        print(&report);
+    }
+    check(&report, args.budget, baseline.as_ref())
+}
+
+/// The embedded clip as it is encoded elsewhere: FDF 6, b 8.
+fn sample() -> Result<Vec<u8>> {
+    Ok(encoder::qmd::encode(&encoder::sample::clip(), Parameters::TABLE_1, Method::ClosedLoop)?)
+}
+
+fn cores(args: &Args) -> Vec<Core> {
+    let mut cores: Vec<Core> = Vec::new();
+    for named in &args.core {
+        match named {
+            Cores::All => cores.extend(ALL),
+            Cores::One(core) => cores.push(*core),
+        }
+    }
+    if cores.is_empty() {
+        cores = args.part.map_or_else(|| vec![Core::M0Plus, Core::M4], |part| vec![part.core]);
+    }
+    let mut seen = Vec::new();
+    cores.retain(|core| {
+        let new = !seen.contains(core);
+        seen.push(*core);
+        new
+    });
+    cores
+}
+
+/// An image for every core.
+fn build(clip: &[u8], cores: &[Core], table: Table) -> Result<Vec<Vec<u8>>> {
+    let mut targets: Vec<&str> = cores.iter().map(|core| core.target()).collect();
+    targets.sort_unstable();
+    targets.dedup();
+    let spinner = ProgressBar::new_spinner();
+    spinner.set_message(format!("building the decoder for {}", targets.join(", ")));
+    spinner.enable_steady_tick(Duration::from_millis(100));
+    let images = profile::images(clip, &targets, table == Table::Lent)?;
+    spinner.finish_and_clear();
+    let of = |core: &Core| {
+        let built = targets.iter().zip(&images).find(|(target, _)| **target == core.target());
+        built.map(|(_, image)| image.clone()).ok_or_else(|| anyhow!("no image was built for {}", core.name()))
+    };
+    cores.iter().map(of).collect()
+}
+
+fn print(report: &Report) {
+    let subject = &report.subject;
+    println!(
+        "{}: {} frames of {} channels, {} bytes, table {}, {} wait states",
+        report.clip,
+        subject.frames,
+        subject.channels,
+        subject.clip_bytes,
+        if subject.table == Table::Lent { "lent" } else { "not lent" },
+        subject.wait_states
+    );
+    println!(
+        "                        cycles a frame                 |     | bytes                       | of a frame at {} Hz",
+        report.rate_hz
+    );
+    println!(
+        "core              min    mean     p99   worst at frame | /ch | stack  code   flash     RAM | mean     worst"
+    );
+    for core in &report.cores {
+        let name = if core.tolerance.is_none_or(|tolerance| tolerance > 0.1) {
+            format!("{}*", core.core)
+        } else {
+            core.core.to_owned()
+        };
+        println!(
+            "{name:<14} {:>6} {:>7.1} {:>7} {:>7} {:>8} | {:>4.1} | {:>4} {:>5} {:>7} {:>7} | {:.3} % {:.3} % at {} MHz",
+            core.cycles_min,
+            core.cycles_mean,
+            core.cycles_p99,
+            core.cycles_max,
+            core.worst_frame,
+            core.cycles_per_sample,
+            core.stack_bytes,
+            core.code_bytes,
+            core.flash_bytes,
+            core.ram_bytes,
+            core.frame_share_mean * 100.0,
+            core.frame_share_max * 100.0,
+            core.clock_hz / 1e6
+        );
+    }
+    if report.cores.iter().any(|core| core.tolerance.is_none_or(|tolerance| tolerance > 0.1)) {
+        println!("* an estimate: see docs/CYCLES.md");
+    }
+    for core in &report.cores {
+        println!("\n{}: where a frame's cycles go", core.core);
+        for function in core.functions.iter().filter(|function| function.share >= 0.005) {
+            println!(
+                "  {:>5.1} % {:>9.1}  {} ({} bytes)",
+                function.share * 100.0,
+                function.self_cycles,
+                function.name,
+                function.bytes
+            );
+        }
+        if let Some(energy) = &core.energy {
+            println!(
+                "{} at {} MHz and {} V, {} mA running, {} mA asleep:\n  {:.3} µJ a frame, {:.1} µA on average, {:.0} hours from {} mAh, decoder only",
+                energy.part,
+                energy.clock_hz / 1e6,
+                energy.volts,
+                energy.run_ma,
+                energy.sleep_ma,
+                energy.microjoules_per_frame,
+                energy.mean_microamps,
+                energy.battery_hours,
+                energy.battery_mah
+            );
+            println!("  {}", energy.source);
+        }
+    }
+    let simulation = &report.simulation;
+    println!(
+        "\n{:.1} million instructions simulated in {:.2} s, {:.1} million a second",
+        simulation.instructions as f64 / 1e6,
+        simulation.seconds,
+        simulation.instructions_per_second / 1e6
+    );
+}
+
+/// Holds the report against the budget and the baseline.
+fn check(report: &Report, budget: Option<Budget>, baseline: Option<&Baseline>) -> Result<ExitCode> {
+    let mut complaints = Vec::new();
+    if let Some(budget) = budget {
+        complaints.extend(report.cores.iter().filter_map(|core| budget.exceeded(core)));
+    }
+    if let Some(baseline) = baseline {
+        complaints.extend(baseline.risen(report)?);
+    }
+    complaints.iter().for_each(|complaint| eprintln!("bunraku: {complaint}"));
+    Ok(if complaints.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(crate::FAILED) })
+}

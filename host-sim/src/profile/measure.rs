@@ -1,0 +1,180 @@
+//! Runs a bare image on the simulator, frame by frame.
+
+use super::flame::Node;
+use crate::thumb::{Board, Core, Image, Machine, Region, Stop};
+use anyhow::{Context, Result, anyhow, bail};
+use decoder_core::{I16F16, qmd::Decoder};
+
+/// Cycles that one call of the image may take: more than any clip's table takes to convert.
+const LIMIT: u64 = 2_000_000_000;
+
+/// Where an image's memory begins: the workspace's memory.x.
+const FLASH: u32 = 0;
+const RAM: u32 = 0x2000_0000;
+/// Bytes of each. More than a microcontroller has, so that any clip can be tried.
+const BYTES: usize = 4 << 20;
+
+/// What running an image has shown.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// Cycles of every frame, in order.
+    pub frame_cycles: Vec<u64>,
+    /// Cycles of what comes before the first frame.
+    pub open_cycles: u64,
+    /// Deepest stack of the whole run, below its top.
+    pub stack_bytes: u32,
+    /// Deepest stack of a frame, below where its function was called.
+    pub frame_stack_bytes: u32,
+    /// Name, bytes and own cycles (all frames together) of the functions that frames are spent in.
+    pub functions: Vec<(String, u32, u64)>,
+    /// The same by calls.
+    pub flame: Node,
+    /// Instructions executed.
+    pub instructions: u64,
+}
+
+/// An image that decodes frames, stopped before the first one.
+///
+/// It has the functions `open`, which is called once, and `decode_frame`, which takes a pointer and returns a pointer
+/// to a frame and its length, or 0; and `failed`, where it ends up otherwise.
+pub struct Runner {
+    machine: Machine,
+    decode_frame: u32,
+    /// What `decode_frame` is given.
+    state: u32,
+    measured: Measured,
+    stack_top: u32,
+}
+
+impl Runner {
+    /// Loads the image and runs it up to its first frame.
+    ///
+    /// # Errors
+    /// A sentence where the image is not of this kind, stops with a fault, or refuses its clip.
+    pub fn new(core: Core, elf: &[u8], wait_states: u32) -> Result<Self> {
+        let image = Image::parse(elf).map_err(|error| anyhow!(error))?;
+        let mut machine = Machine::new(core, &board(wait_states), &image).map_err(|error| anyhow!(error))?;
+        let symbol = |name: &str| {
+            image
+                .symbol(name)
+                .map(|address| address & !1)
+                .ok_or_else(|| anyhow!("the image has no function {name}"))
+        };
+        let (open, decode_frame) = (symbol("open")?, symbol("decode_frame")?);
+        let stack_top = machine.cpu.r[13];
+        // An image that cannot fail has no `failed`.
+        for address in [Some(open), Some(decode_frame), image.symbol("failed")].into_iter().flatten() {
+            machine.set_breakpoint(address);
+        }
+        run_to(&mut machine, open).context("before its clip is opened")?;
+        let before = machine.usage().cycles;
+        let back = machine.cpu.r[14] & !1;
+        machine.set_breakpoint(back);
+        run_to(&mut machine, back).context("while its clip is opened")?;
+        let open_cycles = machine.usage().cycles - before;
+        machine.clear_breakpoint(back);
+        run_to(&mut machine, decode_frame).context("before its first frame")?;
+        for address in [open, decode_frame] {
+            machine.clear_breakpoint(address);
+        }
+        let measured = Measured { open_cycles, stack_bytes: machine.usage().stack, ..Measured::default() };
+        let state = machine.cpu.r[0];
+        machine.reset_profile();
+        machine.reset_stack_mark();
+        Ok(Self { machine, decode_frame, state, measured, stack_top })
+    }
+
+    /// Decodes a frame: its bytes in the image's memory, elements of `element` bytes; `None` after the last one.
+    ///
+    /// # Errors
+    /// A fault of the image, or a frame that is not in memory.
+    pub fn next_frame(&mut self, element: usize) -> Result<Option<&[u8]>> {
+        let machine = &mut self.machine;
+        let before = machine.usage().cycles;
+        let number = self.measured.frame_cycles.len();
+        match machine.call(self.decode_frame, &[self.state], before + LIMIT) {
+            Ok(Stop::Returned) => {}
+            Ok(Stop::Breakpoint(_)) => bail!("the image failed in frame {number}"),
+            Ok(Stop::Limit) => bail!("frame {number} takes more than {LIMIT} cycles"),
+            Ok(stop) => bail!("the image stopped in frame {number}: {stop:?}"),
+            Err(fault) => return Err(anyhow!(fault).context(format!("frame {number}"))),
+        }
+        let (pointer, len) = (machine.cpu.r[0], machine.cpu.r[1] as usize);
+        if pointer == 0 {
+            return Ok(None);
+        }
+        self.measured.frame_cycles.push(machine.usage().cycles - before);
+        let bytes = machine.memory.bytes(pointer, len.saturating_mul(element));
+        let bytes =
+            bytes.with_context(|| format!("frame {number} is at {pointer:#010x}, which is no memory"))?;
+        Ok(Some(bytes))
+    }
+
+    /// Ends, with all that was seen.
+    pub fn finish(mut self) -> Measured {
+        let image = self.machine.image().clone();
+        let usage = self.machine.usage();
+        let depth = self.stack_top - self.machine.cpu.r[13];
+        let paths = self.machine.call_paths();
+        let decode_frame = image.function_at(self.decode_frame).and_then(|at| image.functions().get(at));
+        let frame =
+            decode_frame.and_then(|function| paths.iter().position(|path| path.name == function.name));
+        let mut measured = self.measured;
+        measured.flame = Node::of(&paths, frame.unwrap_or(paths.len()));
+        let mut functions = Vec::new();
+        measured.flame.own_cycles(&mut functions);
+        let size = |name: &str| {
+            image.functions().iter().find(|function| function.name == name).map_or(0, |found| found.size)
+        };
+        measured.functions =
+            functions.into_iter().map(|(name, cycles)| (name.clone(), size(&name), cycles)).collect();
+        measured.instructions = usage.instructions;
+        measured.frame_stack_bytes = usage.stack;
+        measured.stack_bytes = measured.stack_bytes.max(depth + usage.stack);
+        measured
+    }
+}
+
+/// Memory like that of workspace's memory.x.
+fn board(wait_states: u32) -> Board {
+    let mut flash = Region::new("flash", FLASH, BYTES, false);
+    flash.waits.states = wait_states;
+    Board { name: "profile", regions: vec![flash, Region::new("RAM", RAM, BYTES, true)], ..Board::bare() }
+}
+
+fn run_to(machine: &mut Machine, address: u32) -> Result<()> {
+    let limit = machine.usage().cycles + LIMIT;
+    match machine.run(limit) {
+        Ok(Stop::Breakpoint(at)) if at == address => Ok(()),
+        Ok(Stop::Breakpoint(_)) => bail!("the image refused its clip"),
+        Ok(stop) => bail!("the image stopped: {stop:?}"),
+        Err(fault) => Err(anyhow!(fault)),
+    }
+}
+
+/// Runs the image of a clip and compares every frame with `decoder`'s. `progress` is told after each.
+///
+/// # Errors
+/// As [`Runner`]; also where a frame is not that of `decoder`.
+pub fn run(
+    core: Core,
+    elf: &[u8],
+    wait_states: u32,
+    mut decoder: Decoder<'_, '_>,
+    progress: &mut dyn FnMut(),
+) -> Result<Measured> {
+    let mut runner = Runner::new(core, elf, wait_states)?;
+    while let Some(bytes) = runner.next_frame(size_of::<I16F16>())? {
+        let (words, _) = bytes.as_chunks::<4>();
+        let found = words.iter().map(|&word| I16F16::from_le_bytes(word));
+        let number = decoder.position();
+        if !decoder.next_frame().is_some_and(|expected| found.eq(expected.iter().copied())) {
+            bail!("frame {number} differs between {} and this machine", core.name());
+        }
+        progress();
+    }
+    if decoder.next_frame().is_some() {
+        bail!("the image of {} ended after {} frames", core.name(), decoder.position() - 1);
+    }
+    Ok(runner.finish())
+}

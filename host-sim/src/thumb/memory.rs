@@ -1,0 +1,262 @@
+//! Memory regions, each with the decoded instructions and the cycle counts of what was executed in it.
+
+use super::insn::Insn;
+
+/// How long reads of a region take. Zero wait states unless said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Waits {
+    /// Cycles that a read takes beyond one.
+    pub states: u32,
+    /// Bytes that one read brings (4 to 32, a power of two); code in the same line costs no more reads.
+    pub line: u32,
+    /// Whether the next line is read ahead while this one executes.
+    pub prefetch: bool,
+    /// Whether code comes from a cache that always hits; data does not.
+    pub cached_code: bool,
+}
+
+impl Waits {
+    /// No wait states.
+    pub const NONE: Self = Self { states: 0, line: 4, prefetch: false, cached_code: false };
+}
+
+/// A block of memory.
+#[derive(Clone, Debug)]
+pub struct Region {
+    /// Its name in messages.
+    pub name: &'static str,
+    /// First address.
+    pub base: u32,
+    /// Its bytes.
+    pub data: Vec<u8>,
+    /// RAM.
+    pub writable: bool,
+    /// Wait states.
+    pub waits: Waits,
+    /// Decoded instructions, one for each halfword up to the last that was executed.
+    pub(super) code: Vec<Insn>,
+    /// Cycles spent on each of them.
+    pub(super) cycles: Vec<u64>,
+}
+
+impl Region {
+    /// `size` bytes of zeroes at `base`.
+    pub fn new(name: &'static str, base: u32, size: usize, writable: bool) -> Self {
+        Self {
+            name,
+            base,
+            data: vec![0; size],
+            writable,
+            waits: Waits::NONE,
+            code: Vec::new(),
+            cycles: Vec::new(),
+        }
+    }
+}
+
+/// What is at no address.
+pub(super) const NO_REGION: u8 = u8::MAX;
+
+/// Why an access failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AccessError {
+    /// Nothing is there.
+    Unmapped,
+    /// It is flash.
+    ReadOnly,
+    /// The address is no multiple of the size, and this instruction or core needs one.
+    Unaligned,
+}
+
+/// All regions. Peripherals are elsewhere: what is not found here may be theirs.
+#[derive(Clone, Debug, Default)]
+pub struct Memory {
+    pub(super) regions: Vec<Region>,
+    /// For each 16 MB, its region.
+    map: Vec<u8>,
+}
+
+impl Memory {
+    /// # Errors
+    /// A sentence where two regions lie in the same 16 MB, which is more than the map tells apart.
+    pub fn new(regions: Vec<Region>) -> Result<Self, String> {
+        let mut map = vec![NO_REGION; 256];
+        for (number, region) in regions.iter().enumerate() {
+            let last = region.base.saturating_add((region.data.len() as u32).saturating_sub(1));
+            for block in region.base >> 24..=last >> 24 {
+                let entry = &mut map[block as usize];
+                if *entry != NO_REGION {
+                    let other = regions[usize::from(*entry)].name;
+                    return Err(format!(
+                        "{} and {other} are both in the 16 MB at {block:#04x}000000",
+                        region.name
+                    ));
+                }
+                *entry = number as u8;
+            }
+        }
+        Ok(Self { regions, map })
+    }
+
+    /// The region of an address and the offset in it.
+    #[inline]
+    pub(super) fn locate(&self, address: u32) -> Option<(usize, usize)> {
+        let number = usize::from(*self.map.get((address >> 24) as usize)?);
+        let region = self.regions.get(number)?;
+        let offset = address.wrapping_sub(region.base) as usize;
+        (offset < region.data.len()).then_some((number, offset))
+    }
+
+    /// Little-endian bytes.
+    #[inline]
+    pub(super) fn read<const N: usize>(&self, address: u32) -> Option<[u8; N]> {
+        let number = usize::from(*self.map.get((address >> 24) as usize)?);
+        let region = self.regions.get(number)?;
+        let offset = address.wrapping_sub(region.base) as usize;
+        region.data.get(offset..offset.wrapping_add(N))?.try_into().ok()
+    }
+
+    /// Writes bytes and forgets what was decoded there.
+    #[inline]
+    pub(super) fn write<const N: usize>(&mut self, address: u32, bytes: [u8; N]) -> Result<(), AccessError> {
+        let number = self.map.get((address >> 24) as usize).map_or(NO_REGION, |&number| number);
+        let region = self.regions.get_mut(usize::from(number)).ok_or(AccessError::Unmapped)?;
+        let offset = address.wrapping_sub(region.base) as usize;
+        let place = region.data.get_mut(offset..offset.wrapping_add(N)).ok_or(AccessError::Unmapped)?;
+        if !region.writable {
+            return Err(AccessError::ReadOnly);
+        }
+        place.copy_from_slice(&bytes);
+        if !region.code.is_empty() {
+            region.forget(offset, N);
+        }
+        Ok(())
+    }
+
+    /// The decoded instruction at `pc`, if it is decoded, and the number of its region.
+    #[inline]
+    pub(super) fn fetch(&self, pc: u32) -> Option<(usize, usize, &Insn)> {
+        let number = usize::from(*self.map.get((pc >> 24) as usize)?);
+        let region = self.regions.get(number)?;
+        let at = (pc.wrapping_sub(region.base) >> 1) as usize;
+        Some((number, at, region.code.get(at)?))
+    }
+
+    /// Counts cycles for an instruction that [`Memory::fetch`] gave.
+    #[inline]
+    pub(super) fn count(&mut self, region: usize, at: usize, cycles: u32) {
+        if let Some(sum) = self.regions.get_mut(region).and_then(|region| region.cycles.get_mut(at)) {
+            *sum = sum.wrapping_add(u64::from(cycles));
+        }
+    }
+
+    /// Keeps a decoded instruction.
+    pub(super) fn set_code(&mut self, address: u32, insn: Insn) {
+        if let Some(region) = self.region_mut(address) {
+            let at = (address.wrapping_sub(region.base) >> 1) as usize;
+            region.grow(at);
+            if let Some(place) = region.code.get_mut(at) {
+                *place = insn;
+            }
+        }
+    }
+
+    /// Forgets what was decoded at an address.
+    pub(super) fn forget_code(&mut self, address: u32) {
+        if let Some(region) = self.region_mut(address)
+            && let Some(place) = region.code.get_mut((address.wrapping_sub(region.base) >> 1) as usize)
+        {
+            *place = Insn::UNDECODED;
+        }
+    }
+
+    /// Sets all cycle counts to zero.
+    pub(super) fn forget_counts(&mut self) {
+        for region in &mut self.regions {
+            region.cycles.fill(0);
+        }
+    }
+
+    /// The region with an address, to change its wait states.
+    pub fn region_mut(&mut self, address: u32) -> Option<&mut Region> {
+        let (number, _) = self.locate(address)?;
+        self.regions.get_mut(number)
+    }
+
+    /// The regions.
+    pub fn regions(&self) -> &[Region] {
+        &self.regions
+    }
+
+    /// Bytes from `address` on, as far as they are there.
+    pub fn bytes(&self, address: u32, len: usize) -> Option<&[u8]> {
+        let (number, offset) = self.locate(address)?;
+        self.regions.get(number)?.data.get(offset..offset.checked_add(len)?)
+    }
+
+    /// Puts bytes anywhere, flash too, as a programmer does; `false` where there is no memory.
+    pub fn load(&mut self, address: u32, bytes: &[u8]) -> bool {
+        let Some((number, offset)) = self.locate(address) else {
+            return bytes.is_empty();
+        };
+        let Some(region) = self.regions.get_mut(number) else {
+            return false;
+        };
+        let Some(place) = region.data.get_mut(offset..offset + bytes.len()) else {
+            return false;
+        };
+        place.copy_from_slice(bytes);
+        region.forget(offset, bytes.len());
+        true
+    }
+}
+
+impl Region {
+    /// Forgets decoded instructions that overlap a range, with those that begin a halfword before it.
+    fn forget(&mut self, offset: usize, len: usize) {
+        let first = (offset / 2).saturating_sub(1);
+        let end = ((offset + len).div_ceil(2)).min(self.code.len());
+        if let Some(range) = self.code.get_mut(first..end.max(first)) {
+            range.fill(Insn::UNDECODED);
+        }
+    }
+
+    /// Makes room for decoded instructions up to `at`.
+    pub(super) fn grow(&mut self, at: usize) {
+        if at >= self.code.len() {
+            let len = (at + 1).next_multiple_of(1024);
+            self.code.resize(len, Insn::UNDECODED);
+            self.cycles.resize(len, 0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn memory() -> Memory {
+        let regions =
+            vec![Region::new("flash", 0, 0x1000, false), Region::new("RAM", 0x2000_0000, 0x100, true)];
+        Memory::new(regions).unwrap()
+    }
+
+    #[test]
+    fn accesses_end_with_the_region() {
+        let mut memory = memory();
+        assert_eq!(memory.write(0x2000_00fc, [1, 2, 3, 4]), Ok(()));
+        assert_eq!(memory.read(0x2000_00fc), Some([1, 2, 3, 4]));
+        assert_eq!(memory.read::<4>(0x2000_00fd), None);
+        assert_eq!(memory.write(0x2000_0100, [0]), Err(AccessError::Unmapped));
+        assert_eq!(memory.write(0x1fff_ffff, [0]), Err(AccessError::Unmapped));
+        assert_eq!(memory.write(0x10, [0]), Err(AccessError::ReadOnly));
+        assert_eq!(memory.read::<4>(0xffff_ffff), None);
+    }
+
+    #[test]
+    fn regions_that_cannot_be_told_apart_are_refused() {
+        let regions =
+            vec![Region::new("flash", 0, 0x1000, false), Region::new("RAM", 0x10_0000, 0x100, true)];
+        assert!(Memory::new(regions).unwrap_err().contains("RAM and flash"));
+    }
+}

@@ -1,0 +1,56 @@
+//! Puts the clip into the image, and as much memory as its decoder needs.
+//!
+//! - `BUNRAKU_CLIP`: path of a .qmd; a golden vector unless given
+//! - `BUNRAKU_TABLE`: `none` to lend the decoder no memory for its table
+//! - `BUNRAKU_MAP`: path of a joint map as postcard bytes, for the image `tick`
+//! - `BUNRAKU_NOPS`: instructions to waste in every frame, so that tests have a slower decoder to find
+
+use decoder_core::{Limits, qmd::Clip};
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+/// The top of the workspace.
+const WORKSPACE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+fn main() {
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    let path = variable("BUNRAKU_CLIP")
+        .unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/qmd-many-channels.qmd"));
+    let bytes = read(Path::new(&path));
+    let clip = Clip::parse(&bytes, Limits::MAX).unwrap_or_else(|error| panic!("{path}: {error}"));
+    let table =
+        if variable("BUNRAKU_TABLE").is_some_and(|lent| lent == "none") { 0 } else { clip.table_len() };
+    let nops = variable("BUNRAKU_NOPS").map_or(0, |nops| nops.parse().expect("BUNRAKU_NOPS is a number"));
+    let sizes = format!(
+        "/// Channels of the clip.\nconst CHANNELS: usize = {};\n/// Words lent for its table.\nconst TABLE: usize = {table};\n",
+        clip.channels()
+    );
+    write(&out, "sizes.rs", sizes.as_bytes());
+    let nops = format!("/// Instructions to waste in every frame.\nconst NOPS: usize = {nops};\n");
+    write(&out, "nops.rs", nops.as_bytes());
+    write(&out, "clip.qmd", &bytes);
+    if env::var_os("CARGO_FEATURE_TICK").is_some() {
+        let map = variable("BUNRAKU_MAP").expect("the image `tick` needs a map: set BUNRAKU_MAP");
+        write(&out, "map.postcard", &read(Path::new(&map)));
+    }
+
+    // The map of memory, memory.x, is that of the default board: flash at 0, RAM at 0x2000_0000, 4 MiB of each.
+    println!("cargo:rustc-link-search={WORKSPACE}");
+    for argument in ["--nmagic", "-Tlink.x"] {
+        println!("cargo:rustc-link-arg-bins={argument}");
+    }
+}
+
+fn variable(name: &str) -> Option<String> {
+    println!("cargo:rerun-if-env-changed={name}");
+    env::var(name).ok()
+}
+
+fn read(path: &Path) -> Vec<u8> {
+    println!("cargo:rerun-if-changed={}", path.display());
+    fs::read(path).unwrap_or_else(|error| panic!("cannot read {}: {error}", path.display()))
+}
+
+fn write(folder: &Path, name: &str, bytes: &[u8]) {
+    fs::write(folder.join(name), bytes).unwrap_or_else(|error| panic!("cannot write {name}: {error}"));
+}

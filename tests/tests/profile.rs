@@ -1,0 +1,218 @@
+//! `bunraku profile`: budgets, the committed baseline, and how fast QMD is to be.
+#![allow(clippy::unwrap_used)]
+
+use bunraku_tests::{bunraku, require_target, workspace};
+use decoder_core::qmd::Clip;
+use decoder_core::{I16F16, Limits};
+use firmware::drive::buffer_len;
+use firmware::dynamixel::sync_write::goal_positions;
+use firmware::map::{Joint, JointMap, MAX_SERVOS, bytes_len};
+use firmware::player::{Player, Repeat};
+use host_sim::profile::measure::Runner;
+use host_sim::profile::tick_images;
+use host_sim::thumb::Core;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+/// Cores of the baseline, and the targets that their images take.
+const CORES: &str = "cortex-m0plus,cortex-m3,cortex-m4,cortex-m33";
+const TARGETS: [&str; 4] =
+    ["thumbv6m-none-eabi", "thumbv7m-none-eabi", "thumbv7em-none-eabi", "thumbv8m.main-none-eabi"];
+
+fn baseline() -> PathBuf {
+    workspace().join("bench/baseline.json")
+}
+
+fn profile(arguments: &[&str], nops: usize) -> Output {
+    bunraku()
+        .arg("profile")
+        .args(arguments)
+        // What the image wastes in every frame.
+        .env("BUNRAKU_NOPS", nops.to_string())
+        .output()
+        .unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// The only core's figures.
+fn core(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", said(output));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    report["cores"][0].clone()
+}
+
+/// A sound clip of one segment, b = 8, whose content is random.
+fn clip(path: &Path, frames: u32, channels: u16, fdf: u16) {
+    let mut state = 1u64;
+    let mut random = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 33) as u32
+    };
+    let mut bytes = Vec::new();
+    bytes.extend(frames.to_le_bytes());
+    bytes.extend(channels.to_le_bytes());
+    bytes.extend(12000u16.to_le_bytes());
+    bytes.extend(u32::from(fdf).to_le_bytes());
+    bytes.push(8);
+    bytes.extend((0..channels).map(|_| 1));
+    let mut float = |random: u32| bytes.extend(((random as f32 / 1e9) - 1.0).to_le_bytes());
+    (0..channels + 256).for_each(|_| float(random()));
+    for _ in 0..frames {
+        (0..fdf).for_each(|_| bytes.extend(((random() as f32 / 1e9) - 1.0).to_le_bytes()));
+        (fdf..channels).for_each(|_| bytes.push(random() as u8));
+    }
+    std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn qmd_is_as_fast_as_the_baseline_on_every_core() {
+    if !TARGETS.iter().all(|target| require_target(target)) {
+        return;
+    }
+    let output = profile(&["--core", CORES, "--baseline", baseline().to_str().unwrap()], 0);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+}
+
+#[test]
+fn a_slowdown_of_5_percent_is_found_by_the_baseline_and_one_of_2_is_not() {
+    if !TARGETS.iter().all(|target| require_target(target)) {
+        return;
+    }
+    let report: Value = serde_json::from_slice(&std::fs::read(baseline()).unwrap()).unwrap();
+    let cores = report["cores"].as_array().unwrap();
+    let m4 = cores.iter().find(|core| core["core"] == "cortex-m4").unwrap();
+    // A nop takes a cycle.
+    let percent = |percent: f64| (m4["cycles_max"].as_u64().unwrap() as f64 * percent / 100.0) as usize;
+    let run = |nops| profile(&["--core", "cortex-m4", "--baseline", baseline().to_str().unwrap()], nops);
+    let output = run(percent(5.0));
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said(&output).contains("cortex-m4: the worst frame rose"), "{}", said(&output));
+    assert_eq!(run(percent(2.0)).status.code(), Some(0));
+}
+
+#[test]
+fn a_frame_over_the_budget_fails() {
+    if !require_target("thumbv7em-none-eabi") {
+        return;
+    }
+    let run = |budget| profile(&["--core", "cortex-m4", "--clock", "64MHz", "--budget", budget], 0);
+    assert_eq!(run("100000").status.code(), Some(0));
+    assert_eq!(run("5%").status.code(), Some(0));
+    for budget in ["300", "0.01%"] {
+        let output = run(budget);
+        assert_eq!(output.status.code(), Some(1), "{budget}");
+        assert!(said(&output).contains("over the budget"), "{}", said(&output));
+    }
+    assert_eq!(run("fast").status.code(), Some(2));
+}
+
+#[test]
+fn a_baseline_of_another_clip_is_refused() {
+    if !require_target("thumbv7em-none-eabi") {
+        return;
+    }
+    let vector = workspace().join("tests/vectors/qmd-segments.qmd");
+    let arguments = ["--core", "cortex-m4", "--rate", "60", "--baseline"];
+    let mut all = vec![vector.to_str().unwrap()];
+    let baseline = baseline();
+    all.extend(arguments);
+    all.push(baseline.to_str().unwrap());
+    let output = profile(&all, 0);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said(&output).contains("the baseline is of another run"), "{}", said(&output));
+}
+
+#[test]
+fn sixty_two_channels_take_as_many_cycles_as_they_may() {
+    if !require_target("thumbv7em-none-eabi") || !require_target("thumbv6m-none-eabi") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    // M0+ has byte loads only where rows and tables are not aligned, and half of the registers: its limits are what
+    // was reached, and a little.
+    for (fdf, table, core_name, most) in [
+        (6, "lent", "cortex-m4", 750.0),
+        (0, "lent", "cortex-m4", 650.0),
+        (6, "none", "cortex-m4", 1700.0),
+        (6, "lent", "cortex-m0plus", 1060.0),
+        (0, "lent", "cortex-m0plus", 875.0),
+        (6, "none", "cortex-m0plus", 3050.0),
+    ] {
+        let path = folder.path().join("clip.qmd");
+        clip(&path, 100, 62, fdf);
+        let output = profile(&[path.to_str().unwrap(), "--core", core_name, "--table", table, "--json"], 0);
+        let core = core(&output);
+        let mean = core["cycles_mean"].as_f64().unwrap();
+        assert!(mean <= most && mean > 400.0, "{core_name}, FDF {fdf}, table {table}: {mean}");
+        assert!(core["frame_stack_bytes"].as_u64().unwrap() <= 256, "{core}");
+        assert!(core["code_bytes"].as_u64().unwrap() <= 3072, "{core}");
+    }
+}
+
+#[test]
+fn a_tick_of_20_servos_takes_at_most_6000_cycles_on_m4() {
+    if !require_target("thumbv7em-none-eabi") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("clip.qmd");
+    clip(&path, 120, 62, 6);
+    let bytes = std::fs::read(&path).unwrap();
+    let joint = |id: u8| Joint {
+        channel: 3 * u16::from(id),
+        id,
+        zero: 2048,
+        scale: I16F16::lit("11.378"),
+        min: 0,
+        max: 4095,
+        max_step: 200,
+    };
+    // Ticks as fast as frames: each decodes one.
+    let map = JointMap::<MAX_SERVOS>::new(120, 1_000_000, (0..20).map(joint).collect()).unwrap();
+    let mut buffer = [0; bytes_len(20)];
+    let images =
+        tick_images(&bytes, map.to_bytes(&mut buffer).unwrap(), &["thumbv7em-none-eabi"], true).unwrap();
+    let mut runner = Runner::new(Core::M4, &images[0], 0).unwrap();
+    // The same packets as on this machine.
+    let clip = Clip::parse(&bytes, Limits::MAX).unwrap();
+    let mut pose = [I16F16::ZERO; 62];
+    let decoder = clip.decoder(&mut pose, None).unwrap();
+    let mut player = Player::new(decoder, clip.rate_centihertz(), &map, Repeat::Once).unwrap();
+    let mut packet = [0; buffer_len(20)];
+    let mut ticks = 0;
+    while let Some(goals) = player.tick() {
+        let expected = goal_positions(&mut packet, goals).unwrap();
+        assert_eq!(runner.next_frame(1).unwrap().unwrap(), expected, "tick {ticks}");
+        ticks += 1;
+    }
+    assert!(runner.next_frame(1).unwrap().is_none());
+    let measured = runner.finish();
+    let worst = measured.frame_cycles.iter().copied().max().unwrap();
+    assert!(worst <= 6000 && worst > 1000, "{worst} cycles");
+    println!("a tick: at most {worst} cycles; {:?}", measured.functions);
+    assert_eq!(ticks, 120);
+}
+
+#[test]
+fn the_page_needs_nothing_else() {
+    if !require_target("thumbv7em-none-eabi") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("page.html");
+    let output = profile(
+        &["--core", "cortex-m4", "--part", "nrf52840", "--html", page.to_str().unwrap(), "--json"],
+        0,
+    );
+    let core = core(&output);
+    let page = std::fs::read_to_string(page).unwrap();
+    assert!(!page.contains("<script") && !page.contains("src=") && !page.contains("href="));
+    assert_eq!(page.matches("<svg").count(), 2);
+    assert!(page.contains(&format!("worst {} at frame", core["cycles_max"])));
+    assert!(page.contains("nrf52840 at 64 MHz"));
+    assert!(core["energy"]["battery_hours"].as_f64().unwrap() > 1000.0);
+}
