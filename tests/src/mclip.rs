@@ -1,9 +1,10 @@
 //! The golden vectors of mclip, and both ways to decode them.
 
 use crate::vectors::{LIMITS, Vector, hex, listed};
-use decoder_core::mclip::{Clip, Memory, Needs, Receiver, State, Stream};
-use decoder_core::predict::Correlation;
-use decoder_core::{Error, I16F16, Limits};
+use decoder_core::mclip::{Clip, CodecId, Receiver, Stream};
+use decoder_core::{Error, Limits};
+use encoder::mclip::{Encoder, Lent, Quality, Settings};
+use encoder::sample;
 use sha2::{Digest, Sha256};
 
 /// The list of vectors.
@@ -17,38 +18,25 @@ pub fn all() -> Vec<Vector> {
     listed(LIST)
 }
 
+/// The golden vectors, and with them the embedded sample as each codec encodes it, with hashes of what this machine
+/// decodes.
+///
+/// # Panics
+/// Where one cannot be read or decoded.
+pub fn with_sample() -> Vec<Vector> {
+    let mut vectors = all();
+    let clip = sample::clip();
+    let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap_or_else(|error| panic!("{error}"));
+    for codec in CodecId::ALL {
+        let bytes = encoder.encode(&Settings::new(codec), Quality::Bits(5));
+        let sha256 = sha256_in_place(&bytes).unwrap_or_else(|error| panic!("{codec:?}: {error}"));
+        vectors.push(Vector { name: format!("sample-{}.mclip", codec.name()), bytes, sha256 });
+    }
+    vectors
+}
+
 /// What decoders of the vectors, and of damaged ones, may hold.
 pub const MCLIP_LIMITS: Limits = Limits { frames: 20_000, ..LIMITS };
-
-/// Memory for a decoder.
-pub struct Lent {
-    pose: Vec<I16F16>,
-    states: Vec<State>,
-    correlations: Vec<Correlation>,
-    words: Vec<u16>,
-}
-
-impl Lent {
-    /// As much as a clip needs.
-    pub fn new(needs: Needs) -> Self {
-        Self {
-            pose: vec![I16F16::ZERO; needs.channels],
-            states: vec![State::EMPTY; needs.channels],
-            correlations: vec![Correlation::EMPTY; needs.correlations],
-            words: vec![0; needs.words],
-        }
-    }
-
-    /// The memory as a decoder takes it.
-    pub fn memory(&mut self) -> Memory<'_> {
-        Memory {
-            pose: &mut self.pose,
-            states: &mut self.states,
-            correlations: &mut self.correlations,
-            words: &mut self.words,
-        }
-    }
-}
 
 /// SHA-256 of a clip's frames, decoded in place.
 ///

@@ -1,10 +1,11 @@
 //! mclip: the same frames as a reference decoder that was written in Python from docs/FORMAT.md alone, and damage.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::mclip::{LIST, Lent, MCLIP_LIMITS, all, sha256_in_place, sha256_of_stream};
+use bunraku_tests::mclip::{LIST, MCLIP_LIMITS, all, sha256_in_place, sha256_of_stream};
 use bunraku_tests::{skip, vectors};
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, Clip, Prefix, Receiver, Stream, checksum};
 use decoder_core::{Error, Field};
+use encoder::mclip::Lent;
 use std::process::Command;
 
 /// Numbers that are the same on every run (splitmix64).

@@ -7,6 +7,7 @@
 //! move the joints, so that an error costs the same wherever it is made.
 
 mod bits;
+mod lent;
 mod lookup;
 mod plan;
 mod prefix;
@@ -17,12 +18,12 @@ mod writer;
 use crate::motion::Motion;
 use crate::qmd::{EncodeError, Source};
 use crate::skeleton::Skeleton;
-use decoder_core::mclip::{Clip, CodecId, EntropyId, Memory, Opening, State, Unit};
-use decoder_core::predict::Correlation;
-use decoder_core::{I16F16, Limits};
+use decoder_core::Limits;
+use decoder_core::mclip::{Clip, CodecId, EntropyId, Opening, Unit};
 use plan::{Choice, Column};
 use run::Plan;
 
+pub use lent::Lent;
 pub use target::{Encoded, Target};
 
 /// How values are predicted.
@@ -228,17 +229,8 @@ pub fn decode(bytes: &[u8]) -> Result<Motion, decoder_core::Error> {
     let clip = Clip::parse(bytes, Limits::MAX)?;
     let opening = clip.header().opening();
     let fps = f64::from(opening.rate_numerator) / f64::from(opening.rate_denominator);
-    let needs = clip.header().needs();
-    let mut pose = vec![I16F16::ZERO; needs.channels];
-    let mut states = vec![State::default(); needs.channels];
-    let mut correlations = vec![Correlation::default(); needs.correlations];
-    let mut words = vec![0; needs.words];
-    let mut decoder = clip.decoder(Memory {
-        pose: &mut pose,
-        states: &mut states,
-        correlations: &mut correlations,
-        words: &mut words,
-    })?;
+    let mut lent = Lent::new(clip.header().needs());
+    let mut decoder = clip.decoder(lent.memory())?;
     let mut samples = Vec::new();
     while let Some(pose) = decoder.next_frame()? {
         samples.extend(pose.iter().map(|value| value.to_num::<f64>()));
@@ -290,19 +282,9 @@ mod tests {
             chunk = chunks.next().unwrap();
         }
         let header = receiver.finish(Limits::MAX).unwrap();
-        let needs = header.needs();
-        let mut pose = vec![I16F16::ZERO; needs.channels];
-        let mut states = vec![State::default(); needs.channels];
-        let mut correlations = vec![Correlation::default(); needs.correlations];
-        let mut words = vec![0; needs.words];
-        let memory = Memory {
-            pose: &mut pose,
-            states: &mut states,
-            correlations: &mut correlations,
-            words: &mut words,
-        };
+        let mut lent = Lent::new(header.needs());
         let mut block = vec![0; usize::from(header.opening().block_bytes).max(12)];
-        let mut stream = Stream::new(header, memory, &mut block).unwrap();
+        let mut stream = Stream::new(header, lent.memory(), &mut block).unwrap();
         let mut samples = Vec::new();
         loop {
             while let Some(pose) = stream.next_frame(&mut chunk).unwrap() {
@@ -347,18 +329,8 @@ mod tests {
             let played = decode(&bytes).unwrap();
             let parsed = Clip::parse(&bytes, Limits::MAX).unwrap();
             assert_eq!(parsed.entries(), 5, "480 frames, an entry point every 100");
-            let needs = parsed.header().needs();
-            let mut pose = vec![I16F16::ZERO; needs.channels];
-            let mut states = vec![State::default(); needs.channels];
-            let mut correlations = vec![Correlation::default(); needs.correlations];
-            let mut words = vec![0; needs.words];
-            let memory = Memory {
-                pose: &mut pose,
-                states: &mut states,
-                correlations: &mut correlations,
-                words: &mut words,
-            };
-            let mut decoder = parsed.decoder(memory).unwrap();
+            let mut lent = Lent::new(parsed.header().needs());
+            let mut decoder = parsed.decoder(lent.memory()).unwrap();
             for frame in [479, 0, 100, 99, 250, 251, 255, 3, 400, 399] {
                 let found = decoder.seek(frame).unwrap().unwrap();
                 let found: Vec<f64> = found.iter().map(|value| value.to_num()).collect();

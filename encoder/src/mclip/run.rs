@@ -1,10 +1,8 @@
 //! The decoder's own loop, with symbols that are chosen to come close to a motion.
 
-use super::writer;
-use decoder_core::I16F16;
+use super::{Lent, writer};
 use decoder_core::Limits;
-use decoder_core::mclip::{Channel, Choose, Engine, Header, Memory, Opening, State};
-use decoder_core::predict::Correlation;
+use decoder_core::mclip::{Channel, Choose, Engine, Header, Opening, State};
 use decoder_core::quantise::{Quantise, step};
 
 /// What a decoder will do: how its header begins, and the channels.
@@ -48,18 +46,8 @@ impl Plan<'_> {
             Ok(header) => header,
             Err(error) => panic!("the encoder planned a header that cannot be: {error}"),
         };
-        let needs = header.needs();
-        let mut pose = vec![I16F16::ZERO; needs.channels];
-        let mut states = vec![State::default(); needs.channels];
-        let mut correlations = vec![Correlation::default(); needs.correlations];
-        let mut words = vec![0; needs.words];
-        let memory = Memory {
-            pose: &mut pose,
-            states: &mut states,
-            correlations: &mut correlations,
-            words: &mut words,
-        };
-        let mut engine = match Engine::new(header, memory) {
+        let mut lent = Lent::new(header.needs());
+        let mut engine = match Engine::new(header, lent.memory()) {
             Ok(engine) => engine,
             Err(error) => panic!("the encoder planned tables that cannot be: {error}"),
         };

@@ -48,7 +48,7 @@ impl Coder<'_> {
         match self {
             Self::FixedWidth => out.put(symbol, width.into()),
             Self::Huffman(books) => {
-                books.write(symbol, width, context, &mut |value, count| out.put(value, count))
+                books.write(symbol, width, context, &mut |value, count| out.put(value, count));
             }
             Self::Adaptive(tree) => {
                 let coded = symbol.min(tree.escape());
