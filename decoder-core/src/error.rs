@@ -39,6 +39,54 @@ pub enum Field {
     Table,
     /// The rows of a segment.
     Rows,
+    /// The first bytes of a `.mclip` file.
+    Magic,
+    /// Version of the format.
+    Version,
+    /// The header of a clip.
+    Header,
+    /// The codec.
+    Codec,
+    /// The parameters of the codec.
+    Parameters,
+    /// The entropy stage.
+    Entropy,
+    /// The tables of the entropy stage.
+    CodeTables,
+    /// Bytes of memory that a decoder needs.
+    Ram,
+    /// Frames by which a decoder lags behind.
+    Delay,
+    /// Certified cycles of a frame.
+    Cycles,
+    /// What a header says of a channel.
+    Channel,
+    /// Unit of a channel.
+    Unit,
+    /// Lowest and highest value of a channel.
+    Range,
+    /// Shift of the values of a channel at an entry point.
+    EntryShift,
+    /// Bits of a channel's codes.
+    Bits,
+    /// Index of a channel's step.
+    Step,
+    /// A channel's group of code tables.
+    Group,
+    /// The header of a block.
+    BlockHeader,
+    /// Length of a block.
+    BlockLength,
+    /// Number of the first frame of a block.
+    FirstFrame,
+    /// Whether the first block is an entry point.
+    Entry,
+    /// The codes in a block.
+    Payload,
+    /// Memory for the state of channels.
+    States,
+    /// Memory for adaptive predictors.
+    Correlations,
 }
 
 impl Field {
@@ -54,6 +102,30 @@ impl Field {
             Self::Pose => "initial pose",
             Self::Table => "look-up table",
             Self::Rows => "rows of differences",
+            Self::Magic => "magic number",
+            Self::Version => "format version",
+            Self::Header => "header",
+            Self::Codec => "codec",
+            Self::Parameters => "codec's parameters",
+            Self::Entropy => "entropy stage",
+            Self::CodeTables => "code tables",
+            Self::Ram => "decoder's memory (RAM)",
+            Self::Delay => "delay",
+            Self::Cycles => "certified cycles",
+            Self::Channel => "channel's record",
+            Self::Unit => "unit",
+            Self::Range => "range of a channel",
+            Self::EntryShift => "entry shift",
+            Self::Bits => "bits of a code",
+            Self::Step => "step index",
+            Self::Group => "group",
+            Self::BlockHeader => "block's header",
+            Self::BlockLength => "block length",
+            Self::FirstFrame => "first frame of a block",
+            Self::Entry => "entry flag of the first block",
+            Self::Payload => "block's codes",
+            Self::States => "channels' states",
+            Self::Correlations => "adaptive predictors",
         }
     }
 }
@@ -87,6 +159,31 @@ pub enum Error {
         /// The highest value that is allowed.
         high: u32,
     },
+    /// The bytes of a structure are none, whatever their values.
+    Encoding {
+        /// The structure.
+        field: Field,
+        /// Where it starts.
+        at: usize,
+    },
+    /// A version, codec or stage that this decoder does not know.
+    Unsupported {
+        /// Which of them.
+        field: Field,
+        /// Its number.
+        found: u32,
+    },
+    /// Bytes were damaged.
+    Checksum {
+        /// What they are.
+        field: Field,
+        /// Where it starts.
+        at: usize,
+        /// The CRC-32 of what is there.
+        found: u32,
+        /// The CRC-32 that is stored with it.
+        expected: u32,
+    },
     /// The clip is sound but larger than the caller's [`Limits`].
     Limit {
         /// The field.
@@ -116,6 +213,15 @@ impl fmt::Display for Error {
             Self::Malformed { field, at, found, low, high } => {
                 write!(f, "byte {at}: {} is {found}, expected {low} to {high}", field.name())
             }
+            Self::Encoding { field, at } => write!(f, "byte {at}: the {} cannot be read", field.name()),
+            Self::Unsupported { field, found } => {
+                write!(f, "{} {found} is not supported by this version of Bunraku", field.name())
+            }
+            Self::Checksum { field, at, found, expected } => write!(
+                f,
+                "byte {at}: the {} was damaged: its CRC-32 is {found:#010x}, expected {expected:#010x}",
+                field.name()
+            ),
             Self::Limit { field, found, limit } => {
                 write!(f, "{} is {found}, more than the limit of {limit}", field.name())
             }

@@ -20,9 +20,17 @@
     )
 )]
 
+pub mod arithmetic;
+pub mod bits;
+pub mod entropy;
 mod error;
 pub mod float;
+pub mod mclip;
+pub mod predict;
 pub mod qmd;
+pub mod quantise;
+#[cfg(test)]
+mod testing;
 
 pub use error::{Error, Field, Limits};
 pub use fixed::types::I16F16;

@@ -7,6 +7,7 @@ pub mod angles;
 pub mod export;
 pub mod import;
 pub mod kinematics;
+pub mod mclip;
 pub mod metrics;
 pub mod motion;
 pub mod qmd;

@@ -9,7 +9,7 @@ use crate::dynamixel::Goal;
 use crate::interpolate::lerp;
 use crate::map::JointMap;
 use core::fmt;
-use decoder_core::{I16F16, qmd};
+use decoder_core::{I16F16, mclip, qmd};
 use heapless::Vec;
 
 /// Where frames come from, in order.
@@ -34,6 +34,21 @@ impl Frames for qmd::Decoder<'_, '_> {
 
     fn next_frame(&mut self) -> Option<&[I16F16]> {
         self.next_frame()
+    }
+
+    fn rewind(&mut self) {
+        self.rewind();
+    }
+}
+
+/// A block that is damaged ends the clip: the servos hold its last frame.
+impl Frames for mclip::Decoder<'_, '_> {
+    fn channels(&self) -> usize {
+        self.clip().channels()
+    }
+
+    fn next_frame(&mut self) -> Option<&[I16F16]> {
+        self.next_frame().ok().flatten()
     }
 
     fn rewind(&mut self) {

@@ -9,14 +9,16 @@ use crate::qemu_log::Log;
 use crate::servos::{Bus, BusConfig, Event, ServoConfig};
 use crate::thumb::{Board, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
+use decoder_core::mclip;
 use decoder_core::qmd::Clip;
 use decoder_core::{I16F16, Limits};
 use embedded_io_async::{ErrorType, Write};
+use encoder::mclip::Lent;
 use firmware::drive::{buffer_len, drive};
 use firmware::dynamixel::table::GOAL_POSITION;
 use firmware::dynamixel::{Framer, Instruction, Packet};
 use firmware::map::MAX_SERVOS;
-use firmware::player::{Player, Repeat};
+use firmware::player::{Frames, Player, Repeat};
 use std::convert::Infallible;
 use std::future::Future;
 use std::io;
@@ -69,7 +71,24 @@ pub fn on_host(clip: &Clip<'_>, map: &Map, centihertz: u16) -> Result<Recording>
     let mut table = vec![0; clip.table_len()];
     let decoder = clip.decoder(&mut pose, Some(&mut table))?;
     let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
-    let mut player = Player::new(decoder, rate, map, Repeat::Once)?;
+    record(decoder, map, rate)
+}
+
+/// Plays a clip in blocks on this machine, as fast as it goes. All of it is checked first.
+///
+/// # Errors
+/// As [`on_host`], and where a block of the clip was damaged.
+pub fn mclip_on_host(clip: &mclip::Clip<'_>, map: &Map, centihertz: u16) -> Result<Recording> {
+    let mut lent = Lent::new(clip.header().needs());
+    let mut decoder = clip.decoder(lent.memory())?;
+    while decoder.next_frame()?.is_some() {}
+    let rate = if centihertz > 0 { centihertz } else { clip.header().rate_centihertz() };
+    record(decoder, map, rate)
+}
+
+/// Plays frames and records what the servos are told.
+fn record(frames: impl Frames, map: &Map, rate: u16) -> Result<Recording> {
+    let mut player = Player::new(frames, rate, map, Repeat::Once)?;
     let mut recorder = Recorder::new(map)?;
     let mut buffer = [0; buffer_len(MAX_SERVOS)];
     let ticks = now(drive(&mut player, &mut recorder, &mut buffer, async |_| {}))?;

@@ -29,8 +29,15 @@ pub fn folder() -> PathBuf {
 /// # Panics
 /// Where one cannot be read.
 pub fn all() -> Vec<Vector> {
-    let sums =
-        fs::read_to_string(folder().join("SHA256SUMS")).unwrap_or_else(|error| panic!("SHA256SUMS: {error}"));
+    listed("SHA256SUMS")
+}
+
+/// All vectors that a list of hashes in the folder names.
+///
+/// # Panics
+/// Where one cannot be read.
+pub fn listed(list: &str) -> Vec<Vector> {
+    let sums = fs::read_to_string(folder().join(list)).unwrap_or_else(|error| panic!("{list}: {error}"));
     let vectors: Vec<Vector> = sums
         .lines()
         .filter_map(|line| line.split_once("  "))
@@ -40,7 +47,7 @@ pub fn all() -> Vec<Vector> {
             sha256: sha256.to_owned(),
         })
         .collect();
-    assert!(!vectors.is_empty(), "SHA256SUMS lists no vectors");
+    assert!(!vectors.is_empty(), "{list} lists no vectors");
     vectors
 }
 

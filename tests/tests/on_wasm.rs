@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{cargo, require_target, vectors};
+use bunraku_tests::{cargo, mclip, require_target, vectors};
 use wasmi::{Engine, Linker, Module, Store};
 
 #[test]
@@ -34,4 +34,15 @@ fn frames_are_the_same_bits() {
         }
     }
     assert_eq!(decode.call(&mut store, (3, 0)).unwrap(), 0, "three bytes are no clip");
+    let decode = instance.get_typed_func::<u32, u32>(&store, "decode_mclip").unwrap();
+    for case in mclip::with_sample() {
+        memory.write(&mut store, clip, &case.bytes).unwrap();
+        let frames = decode.call(&mut store, case.bytes.len() as u32).unwrap();
+        assert!(frames > 0, "{}", case.name);
+        let mut found = [0; 32];
+        memory.read(&store, hash, &mut found).unwrap();
+        let found: String = found.iter().map(|byte| format!("{byte:02x}")).collect();
+        assert_eq!(found, case.sha256, "{}", case.name);
+    }
+    assert_eq!(decode.call(&mut store, 3).unwrap(), 0, "three bytes are no clip");
 }

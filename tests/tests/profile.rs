@@ -132,15 +132,15 @@ fn sixty_two_channels_take_as_many_cycles_as_they_may() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    // M0+ has byte loads only where rows and tables are not aligned, and half of the registers: its limits are what
-    // was reached, and a little.
+    // The limits of M4 are what QMD is to reach. Those of M0+ are 3 % more than it reaches: its goals of 1000, 760 and
+    // 2600 cycles are not met.
     for (fdf, table, core_name, most) in [
         (6, "lent", "cortex-m4", 750.0),
         (0, "lent", "cortex-m4", 650.0),
         (6, "none", "cortex-m4", 1700.0),
-        (6, "lent", "cortex-m0plus", 1060.0),
-        (0, "lent", "cortex-m0plus", 875.0),
-        (6, "none", "cortex-m0plus", 3050.0),
+        (6, "lent", "cortex-m0plus", 1065.0),
+        (0, "lent", "cortex-m0plus", 866.0),
+        (6, "none", "cortex-m0plus", 3091.0),
     ] {
         let path = folder.path().join("clip.qmd");
         clip(&path, 100, 62, fdf);

@@ -1,31 +1,15 @@
 //! Clips for the tests: random bytes in a sound frame, and a slow decoder that shares no code with the core.
 
 use super::segment::Layout;
+pub use crate::testing::Random;
 use std::vec::Vec;
 
-/// A generator of numbers that are the same on every run (splitmix64).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 32) as u32
-    }
-
-    pub fn below(&mut self, end: usize) -> usize {
-        self.next() as usize % end
-    }
-
-    /// Mostly a small difference, sometimes any bit pattern at all.
-    fn float(&mut self) -> [u8; 4] {
-        if self.below(16) == 0 {
-            self.next().to_le_bytes()
-        } else {
-            ((self.next() as i32 as f32) / (1u32 << 30) as f32).to_le_bytes()
-        }
+/// Mostly a small difference, sometimes any bit pattern at all.
+fn float(random: &mut Random) -> [u8; 4] {
+    if random.below(16) == 0 {
+        random.next().to_le_bytes()
+    } else {
+        ((random.next() as i32 as f32) / (1u32 << 30) as f32).to_le_bytes()
     }
 }
 
@@ -51,11 +35,11 @@ pub fn clip(layout: Layout, rows: &[u32], random: &mut Random) -> Vec<u8> {
         bytes.push(layout.index_bits);
         if segment == 0 {
             bytes.extend((0..layout.channels).map(|_| 1 + random.below(6) as u8));
-            (0..layout.channels).for_each(|_| bytes.extend(random.float()));
+            (0..layout.channels).for_each(|_| bytes.extend(float(random)));
         }
-        (0..1 << layout.index_bits).for_each(|_| bytes.extend(random.float()));
+        (0..1 << layout.index_bits).for_each(|_| bytes.extend(float(random)));
         for _ in 0..n {
-            (0..layout.fixed_channels).for_each(|_| bytes.extend(random.float()));
+            (0..layout.fixed_channels).for_each(|_| bytes.extend(float(random)));
             for _ in layout.fixed_channels..layout.channels {
                 let index = random.next();
                 match layout.index_bits {

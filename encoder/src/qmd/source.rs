@@ -8,17 +8,17 @@ use crate::skeleton::Skeleton;
 /// What encoders need of a motion.
 #[derive(Clone, Debug)]
 pub struct Source {
-    pub(super) channels: usize,
-    pub(super) frames: usize,
-    pub(super) rate_centihertz: u16,
+    pub(crate) channels: usize,
+    pub(crate) frames: usize,
+    pub(crate) rate_centihertz: u16,
     /// Angles made continuous, in degrees and centimetres, row-major.
     pub(super) samples: Vec<f64>,
     /// The same in 16.16 fixed point: what a decoder should give.
-    pub(super) targets: Vec<i32>,
+    pub(crate) targets: Vec<i32>,
     /// Hierarchy level of every channel.
     pub(super) levels: Vec<u8>,
     /// Squared movement of the joints, in cm², per squared unit of every channel.
-    pub(super) weights: Vec<f64>,
+    pub(crate) weights: Vec<f64>,
 }
 
 impl Source {

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku decode walk.qmd --skeleton 02.asf -o walk.amc")]
 pub struct Args {
-    /// The clip: .qmd.
+    /// The clip: .qmd or .mclip.
     clip: PathBuf,
     /// The skeleton that the clip was encoded with: .asf, or .bvh for its hierarchy.
     #[arg(long, value_name = "S.asf|S.bvh")]
@@ -31,8 +31,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     let skeleton = import::load_skeleton(&args.skeleton)?;
     let bytes = files::read(&args.clip)?;
-    let mut motion =
-        encoder::qmd::decode(&bytes).with_context(|| format!("{} is not a QMD clip", args.clip.display()))?;
+    let mut motion = super::input::decode(&args.clip, &bytes)?;
     let (found, expected) = (motion.channels, skeleton.channels.len());
     if found != expected {
         bail!("{} has {found} channels, but {} has {expected}", args.clip.display(), args.skeleton.display());

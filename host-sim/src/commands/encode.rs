@@ -1,69 +1,224 @@
 //! `bunraku encode`: motion capture in, a compressed clip out.
 
-use super::input::{self, Quality};
+use super::input::{self, Quality, is_mclip};
 use anyhow::{Context, Result};
 use clap::ValueEnum;
+use decoder_core::mclip::{CodecId, EntropyId};
+use encoder::Clip;
+use encoder::mclip::{Encoder, Predictor, Settings, Target};
+use encoder::metrics::Evaluator;
 use encoder::qmd::{self, Parameters};
 use host_sim::files;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Encode motion capture (AMC with its ASF, or BVH) into a clip.
+///
+/// A .qmd has the byte layout of the QMD paper. A .mclip holds any codec in blocks with checksums, and takes what it
+/// should come to: bits of a code, a mean joint error, or a rate; 0.1 cm unless given.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  bunraku encode 02_01.amc --skeleton 02.asf --codec qmd -o walk.qmd")]
+#[command(
+    after_help = "Examples:\n  bunraku encode 02_01.amc --skeleton 02.asf --codec qmd -o walk.qmd\n  bunraku encode 02_01.amc --skeleton 02.asf --codec dpcm --target-error 0.1 -o walk.mclip"
+)]
 pub struct Args {
     /// The motion: .amc or .bvh.
     input: PathBuf,
     #[command(flatten)]
     source: input::Source,
-    /// The codec.
-    #[arg(long, value_enum, default_value_t = Codec::Qmd)]
-    codec: Codec,
+    /// The codec; qmd for a .qmd and dpcm for a .mclip unless given.
+    #[arg(long, value_enum)]
+    codec: Option<Codec>,
+    /// Bits of a code: 8 to 16 for a .qmd (QMD b, 8 unless given), 1 to 16 for a .mclip.
+    #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u8).range(1..=16))]
+    bits: Option<u8>,
+    /// Mean joint error to come to (.mclip).
+    #[arg(long, value_name = "CM", value_parser = positive, conflicts_with = "bits")]
+    target_error: Option<f64>,
+    /// Bits per second to stay within (.mclip).
+    #[arg(long, value_name = "BITS_PER_S", value_parser = positive, conflicts_with_all = ["bits", "target_error"])]
+    target_rate: Option<f64>,
+    /// The entropy stage (.mclip); the smallest unless given.
+    #[arg(long, value_enum)]
+    entropy: Option<Entropy>,
+    /// What adapts (--codec adpcm).
+    #[arg(long, value_enum, default_value_t = Adapt::Predictor)]
+    adapt: Adapt,
+    /// Frames from one entry point to the next (.mclip).
+    #[arg(long, value_name = "FRAMES", default_value_t = 480, value_parser = clap::value_parser!(u32).range(1..))]
+    entry: u32,
+    /// Longest block in bytes (.mclip): what a receiver has to hold.
+    #[arg(long, value_name = "BYTES", default_value_t = 1024)]
+    block: u16,
     #[command(flatten)]
     quality: Quality,
     /// Frames of a segment, each with a table of its own (QMD n_d); the whole clip unless given.
     #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u32).range(1..))]
     segment: Option<u32>,
-    /// Where the clip goes.
-    #[arg(short, long, value_name = "OUT.qmd")]
+    /// Where the clip goes; its extension says the container.
+    #[arg(short, long, value_name = "OUT.qmd|.mclip")]
     output: PathBuf,
     /// Report as JSON.
     #[arg(long)]
     json: bool,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Codec {
+    /// Values in steps between two limits.
+    Pcm,
+    /// Differences in mu-law steps.
+    Mulaw,
+    /// Differences to a prediction.
+    Dpcm,
+    /// The same, and what --adapt names adapts.
+    Adpcm,
     /// Look-up tables of differences between frames.
     Qmd,
 }
 
+impl Codec {
+    const fn id(self) -> CodecId {
+        match self {
+            Self::Pcm => CodecId::Pcm,
+            Self::Mulaw => CodecId::MuLaw,
+            Self::Dpcm => CodecId::Dpcm,
+            Self::Adpcm => CodecId::Adpcm,
+            Self::Qmd => CodecId::Qmd,
+        }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Entropy {
+    /// Codes of fixed width.
+    Fixed,
+    /// Static Huffman codes.
+    Huffman,
+    /// Adaptive Huffman codes.
+    AdaptiveHuffman,
+}
+
+impl Entropy {
+    const fn id(self) -> EntropyId {
+        match self {
+            Self::Fixed => EntropyId::FixedWidth,
+            Self::Huffman => EntropyId::Huffman,
+            Self::AdaptiveHuffman => EntropyId::AdaptiveHuffman,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Adapt {
+    /// The predictor.
+    Predictor,
+    /// The quantiser's step; bits set the quality.
+    Step,
+    /// Both.
+    Both,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
+        _ => Err(format!("found {text:?}, expected a number above 0")),
+    }
+}
+
 pub fn run(args: Args) -> Result<ExitCode> {
-    let Codec::Qmd = args.codec;
+    let in_blocks = is_mclip(&args.output);
+    let codec = args.codec.unwrap_or(if in_blocks { Codec::Dpcm } else { Codec::Qmd });
+    let (name, output) = (codec.id().name(), args.output.display());
+    if !in_blocks && codec != Codec::Qmd {
+        usage(&format!("{output}: codec {name} needs a .mclip, for instance -o out.mclip"));
+    }
+    if !in_blocks && (args.target_error.is_some() || args.target_rate.is_some()) {
+        usage(&format!("{output}: a target needs a .mclip; for a .qmd there is bunraku optimize"));
+    }
+    let (low, high) = if in_blocks { (1, settings(&args, codec).most_bits()) } else { (8, 16) };
+    if let Some(bits) = args.bits.filter(|bits| !(low..=high).contains(bits)) {
+        usage(&format!("{output}: --bits is {bits}, expected {low} to {high}"));
+    }
     let clip = args.source.load(&args.input)?;
-    let parameters = Parameters {
-        index_bits: args.quality.bits,
-        fixed_channels: args.quality.fixed_channels(clip.motion.channels),
-        segment_frames: args.segment.unwrap_or(u32::MAX),
-    };
-    let bytes = qmd::encode(&clip, parameters, args.quality.method())
-        .with_context(|| format!("cannot encode {}", args.input.display()))?;
+    let bytes = if in_blocks { mclip(&args, codec, &clip) } else { qmd(&args, &clip) };
+    let bytes = bytes.with_context(|| format!("cannot encode {}", args.input.display()))?;
     files::write(&args.output, |file| Ok(file.write_all(&bytes)?))?;
     let (frames, channels) = (clip.motion.frames(), clip.motion.channels);
     let ratio = (frames * channels * 4) as f64 / bytes.len() as f64;
+    let rate = bytes.len() as f64 * 8.0 * clip.motion.fps / frames as f64;
     if args.json {
         let report = serde_json::json!({
             "output": args.output, "frames": frames, "channels": channels, "fps": clip.motion.fps,
-            "bytes": bytes.len(), "ratio_f32": ratio,
+            "bytes": bytes.len(), "ratio_f32": ratio, "bits_per_s": rate, "codec": codec.id().name(),
         });
         println!("{report:#}");
     } else {
         println!(
-            "{}: {frames} frames of {channels} channels at {} fps in {} bytes, {ratio:.2} times smaller than float32",
+            "{}: {frames} frames of {channels} channels at {} fps in {} bytes, {ratio:.2} times smaller than float32, {rate:.0} bits/s",
             args.output.display(),
             clip.motion.fps,
             bytes.len(),
         );
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn qmd(args: &Args, clip: &Clip) -> Result<Vec<u8>> {
+    let parameters = Parameters {
+        index_bits: args.bits.unwrap_or(Parameters::TABLE_1.index_bits),
+        fixed_channels: args.quality.fixed_channels(clip.motion.channels),
+        segment_frames: args.segment.unwrap_or(u32::MAX),
+    };
+    Ok(qmd::encode(clip, parameters, args.quality.method())?)
+}
+
+fn settings(args: &Args, codec: Codec) -> Settings {
+    let standard = Settings::new(codec.id());
+    Settings {
+        entropy: args.entropy.map(Entropy::id),
+        entry_frames: args.entry as usize,
+        block_bytes: args.block,
+        adapt_step: codec == Codec::Adpcm && args.adapt != Adapt::Predictor,
+        predictor: if codec == Codec::Adpcm && args.adapt == Adapt::Step {
+            Predictor::Second
+        } else {
+            standard.predictor
+        },
+        ..standard
+    }
+}
+
+/// Ends the command with what was wrong about its arguments.
+fn usage(message: &str) -> ! {
+    clap::Command::new("bunraku encode").error(clap::error::ErrorKind::ValueValidation, message).exit()
+}
+
+fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<Vec<u8>> {
+    let settings = settings(args, codec);
+    let encoder = Encoder::new(&clip.skeleton, &clip.motion)?;
+    if let Some(bits) = args.bits {
+        return Ok(encoder.encode(&settings, encoder::mclip::Quality::Bits(bits)));
+    }
+    let target = match args.target_rate {
+        Some(rate) => Target::Rate(rate),
+        None => Target::Error(args.target_error.unwrap_or(0.1)),
+    };
+    let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
+    let encoded = encoder.encode_to(&settings, target, &evaluator);
+    let (name, rate) = (args.output.display(), encoder.rate(&encoded.bytes));
+    match target {
+        Target::Error(cm) if (encoded.mean_joint_cm / cm - 1.0).abs() > 0.03 => {
+            eprintln!(
+                "bunraku: {name}: the nearest to {cm} cm that this codec has is {:.4} cm",
+                encoded.mean_joint_cm
+            );
+        }
+        Target::Rate(limit) if rate > limit => {
+            eprintln!(
+                "bunraku: {name}: the lowest rate that this codec has is {rate:.0} bits/s, above {limit}"
+            );
+        }
+        _ => {}
+    }
+    Ok(encoded.bytes)
 }

@@ -1,8 +1,10 @@
 //! `bunraku info`: what a clip's bytes say.
 
+use super::input::is_mclip;
 use anyhow::{Context, Result};
-use decoder_core::Limits;
+use decoder_core::mclip::{self, Unit};
 use decoder_core::qmd::Clip;
+use decoder_core::{I16F16, Limits};
 use host_sim::files;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -11,8 +13,11 @@ use std::process::ExitCode;
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku info walk.qmd --json")]
 pub struct Args {
-    /// The clip: .qmd.
+    /// The clip: .qmd or .mclip.
     clip: PathBuf,
+    /// List the channels of a .mclip.
+    #[arg(long)]
+    channels: bool,
     /// Report as JSON.
     #[arg(long)]
     json: bool,
@@ -20,6 +25,9 @@ pub struct Args {
 
 pub fn run(args: Args) -> Result<ExitCode> {
     let bytes = files::read(&args.clip)?;
+    if is_mclip(&args.clip) {
+        return mclip(&args, &bytes);
+    }
     let clip = Clip::parse(&bytes, Limits::MAX)
         .with_context(|| format!("{} is not a QMD clip", args.clip.display()))?;
     let layout = clip.layout();
@@ -54,5 +62,84 @@ pub fn run(args: Args) -> Result<ExitCode> {
     println!(
         "  a decoder needs {pose_bytes} bytes for the pose, and is faster with {table_bytes} more for the table"
     );
+    Ok(ExitCode::SUCCESS)
+}
+
+fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
+    let name = args.clip.display();
+    let clip =
+        mclip::Clip::parse(bytes, Limits::MAX).with_context(|| format!("{name} is not a sound mclip"))?;
+    // Decodes all of it, so that every checksum is looked at.
+    encoder::mclip::decode(bytes).with_context(|| format!("{name} is not a sound mclip"))?;
+    let (header, opening) = (clip.header(), clip.header().opening());
+    let fps = f64::from(opening.rate_numerator) / f64::from(opening.rate_denominator);
+    let (codec, entropy) = (header.codec().id().name(), header.entropy().name());
+    let seconds = f64::from(clip.frames()) / fps;
+    let rate = bytes.len() as f64 * 8.0 / seconds;
+    let value = |word| I16F16::from_bits(word).to_num::<f64>();
+    let unit = |id| match Unit::from_id(id) {
+        Some(Unit::Centimetres) => "cm",
+        _ => "degrees",
+    };
+    let cycles: Vec<(u8, u32)> = opening
+        .cycles
+        .as_chunks::<5>()
+        .0
+        .iter()
+        .map(|&[core, a, b, c, d]| (core, u32::from_le_bytes([a, b, c, d])))
+        .collect();
+    if args.json {
+        let channels: Vec<_> = header
+            .channels()
+            .map(|channel| {
+                serde_json::json!({
+                    "name": channel.name, "unit": unit(channel.unit), "low": value(channel.low),
+                    "high": value(channel.high), "bits": channel.bits, "step": channel.step,
+                    "group": channel.group, "entry_bits": channel.entry_bits(),
+                    "coefficients": channel.coefficients.map(|c| f64::from(c) / 16384.0),
+                })
+            })
+            .collect();
+        let report = serde_json::json!({
+            "container": "mclip", "codec": codec, "entropy": entropy, "bytes": bytes.len(),
+            "header_bytes": clip.header_bytes(), "frames": clip.frames(), "fps": fps, "bits_per_s": rate,
+            "blocks": clip.blocks(), "entries": clip.entries(), "block_bytes": opening.block_bytes,
+            "ram": opening.ram, "delay": opening.delay, "parameter_bytes": opening.parameters.len(),
+            "table_bytes": opening.tables.len(), "cycles": cycles, "channels": channels,
+        });
+        println!("{report:#}");
+        return Ok(ExitCode::SUCCESS);
+    }
+    println!("{name}: mclip, {codec} in {entropy} codes, {} bytes, {rate:.0} bits/s", bytes.len());
+    println!("  {} frames at {fps} fps, {seconds:.2} s; delay {} frames", clip.frames(), opening.delay);
+    println!(
+        "  header {} bytes, of which {} code tables and {} parameters of the codec",
+        clip.header_bytes(),
+        opening.tables.len(),
+        opening.parameters.len()
+    );
+    println!(
+        "  {} blocks of up to {} bytes, {} of them entry points",
+        clip.blocks(),
+        opening.block_bytes,
+        clip.entries()
+    );
+    println!("  a decoder needs {} bytes of memory", opening.ram);
+    for (core, cycles) in &cycles {
+        println!("  at most {cycles} cycles a frame on core {core}");
+    }
+    let resting = header.channels().filter(|channel| channel.bits == 0).count();
+    println!("  {} channels, of which {resting} rest", clip.channels());
+    if args.channels {
+        println!("  channel            bits  step   low        high");
+        for channel in header.channels() {
+            let (low, high) = (value(channel.low), value(channel.high));
+            let unit = unit(channel.unit);
+            println!(
+                "  {:<18} {:>4} {:>5} {low:>10.3} {high:>10.3} {unit}",
+                channel.name, channel.bits, channel.step
+            );
+        }
+    }
     Ok(ExitCode::SUCCESS)
 }

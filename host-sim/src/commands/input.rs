@@ -26,7 +26,7 @@ impl Source {
         Ok(encoder::import::load(path, self.skeleton.as_deref(), self.fps)?)
     }
 
-    /// The motion in a .amc, .bvh or .qmd file; a .qmd takes its skeleton from `reference`, whose channels it
+    /// The motion in a .amc, .bvh, .qmd or .mclip file; a clip takes its skeleton from `reference`, whose channels it
     /// must have. Also the size that counts: that of a compressed clip, or of the samples as float32.
     pub fn load_any(&self, path: &Path, reference: &Clip) -> Result<(Clip, u64)> {
         if !is_clip(path) {
@@ -35,8 +35,7 @@ impl Source {
             return Ok((clip, bytes as u64));
         }
         let bytes = files::read(path)?;
-        let mut motion =
-            encoder::qmd::decode(&bytes).with_context(|| format!("{} is not a QMD clip", path.display()))?;
+        let mut motion = decode(path, &bytes)?;
         let (found, expected) = (motion.channels, reference.motion.channels);
         if found != expected {
             bail!("{} has {found} channels, expected {expected} as in the reference", path.display());
@@ -50,15 +49,30 @@ impl Source {
 
 /// Whether the file's name says that it is one of our compressed clips.
 pub fn is_clip(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("qmd"))
+    has_extension(path, "qmd") || is_mclip(path)
+}
+
+/// Whether the file's name says that it is a clip in blocks.
+pub fn is_mclip(path: &Path) -> bool {
+    has_extension(path, "mclip")
+}
+
+fn has_extension(path: &Path, expected: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(expected))
+}
+
+/// Decodes a compressed clip of either kind.
+pub fn decode(path: &Path, bytes: &[u8]) -> Result<encoder::Motion> {
+    if is_mclip(path) {
+        encoder::mclip::decode(bytes).with_context(|| format!("{} is not a sound mclip", path.display()))
+    } else {
+        encoder::qmd::decode(bytes).with_context(|| format!("{} is not a QMD clip", path.display()))
+    }
 }
 
 /// The quality control parameters of QMD.
 #[derive(clap::Args, Clone)]
 pub struct Quality {
-    /// Bits of an index (QMD b).
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u8).range(8..=16))]
-    pub bits: u8,
     /// Leading channels that stay floats (QMD FDF); 6 unless given, or all where there are fewer.
     #[arg(long, value_name = "CHANNELS")]
     pub fdf: Option<u16>,

@@ -30,8 +30,8 @@ pub struct Args {
     /// Cores, separated by commas, or all. Unless given: a part's core, or cortex-m0plus and cortex-m4.
     #[arg(long, value_name = "CORES", value_delimiter = ',', value_parser = core)]
     core: Vec<Cores>,
-    /// The clock, for shares of a frame's time; 64MHz unless given.
-    #[arg(long, value_name = "FREQUENCY", value_parser = frequency, conflicts_with = "part")]
+    /// The clock, for shares of a frame's time. Unless given: a part's, or 64MHz.
+    #[arg(long, value_name = "FREQUENCY", value_parser = frequency)]
     clock: Option<f64>,
     /// Frames per second, instead of the clip's own rate.
     #[arg(long, value_name = "F", value_parser = positive)]
@@ -119,7 +119,20 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let Some(rate_hz) = args.rate.or((own_rate > 0.0).then_some(own_rate)) else {
         bail!("{name} does not say its frame rate: give one with --rate");
     };
+    if let (Some(part), Some(clock)) = (args.part, args.clock)
+        && part.clock_hz != clock
+    {
+        bail!(
+            "the currents of {} are for {} MHz, but --clock is {} MHz",
+            part.name,
+            part.clock_hz / 1e6,
+            clock / 1e6
+        );
+    }
     let cores = cores(&args);
+    if let Some(part) = args.part.filter(|part| !cores.contains(&part.core)) {
+        bail!("{} has a {}, which is not among the cores to profile", part.name, part.core.name());
+    }
     let images = build(&bytes, &cores, args.table)?;
 
     let bar = ProgressBar::new(u64::from(clip.frames()) * cores.len() as u64);

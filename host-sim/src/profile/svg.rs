@@ -52,8 +52,8 @@ pub fn frames(page: &mut dyn Write, cycles: &[u64], mean: f64, worst: usize) -> 
         let last = first + chunk.len() - 1;
         let most = chunk.iter().copied().max().unwrap_or(0);
         let (left, right) = (x(first as f64), x((last + 1) as f64));
-        // A hair's breadth between bars, where they are wide enough for one.
-        let gap = if right - left > 3.0 { 0.6 } else { 0.0 };
+        // A hair's breadth between bars where they are wide enough for one; narrow ones overlap by as much.
+        let gap = if right - left > 4.0 { 0.6 } else { -0.6 };
         let class = if (first..=last).contains(&worst) { "worst" } else { "frames" };
         let which = if first == last {
             format!("frame {first}")

@@ -9,8 +9,9 @@ use common::{Frames, open};
 use core::ptr::addr_of_mut;
 use cortex_m as _;
 use cortex_m_rt::entry;
+use decoder_core::predict::Correlation;
 use decoder_core::qmd::Clip;
-use decoder_core::{I16F16, Limits};
+use decoder_core::{I16F16, Limits, mclip};
 use semihosting::io::Read;
 use semihosting::process;
 
@@ -24,6 +25,9 @@ const TABLE: usize = 1 << 16;
 static mut CLIP: [u8; BYTES] = [0; BYTES];
 static mut POSE: [I16F16; CHANNELS] = [I16F16::ZERO; CHANNELS];
 static mut WORDS: [i32; TABLE] = [0; TABLE];
+static mut STATES: [mclip::State; CHANNELS] = [mclip::State::EMPTY; CHANNELS];
+static mut CORRELATIONS: [Correlation; CHANNELS] = [Correlation::EMPTY; CHANNELS];
+static mut CODES: [u16; TABLE] = [0; TABLE];
 
 #[entry]
 fn main() -> ! {
@@ -39,6 +43,19 @@ fn main() -> ! {
             count => length += count,
         }
     }
+    if buffer.starts_with(&mclip::MAGIC) {
+        // SAFETY: as above.
+        let memory = unsafe {
+            mclip::Memory {
+                pose,
+                states: &mut *addr_of_mut!(STATES),
+                correlations: &mut *addr_of_mut!(CORRELATIONS),
+                words: &mut *addr_of_mut!(CODES),
+            }
+        };
+        semihosting::println!("{}", hash_blocks(&buffer[..length], memory));
+        process::exit(0)
+    }
     let clip = Clip::parse(&buffer[..length], Limits::MAX).unwrap_or_else(|error| panic!("{error}"));
     let lent = hash(&clip, pose, Some(words));
     let bare = hash(&clip, pose, None);
@@ -51,6 +68,16 @@ fn hash(clip: &Clip<'_>, pose: &mut [I16F16], words: Option<&mut [i32]>) -> comm
     let mut decoder = clip.decoder(pose, words).unwrap_or_else(|error| panic!("{error}"));
     let mut frames = Frames::new();
     while let Some(frame) = decoder.next_frame() {
+        frames.add(frame);
+    }
+    frames.finish()
+}
+
+fn hash_blocks(bytes: &[u8], memory: mclip::Memory<'_>) -> common::Hash {
+    let clip = mclip::Clip::parse(bytes, Limits::MAX).unwrap_or_else(|error| panic!("{error}"));
+    let mut decoder = clip.decoder(memory).unwrap_or_else(|error| panic!("{error}"));
+    let mut frames = Frames::new();
+    while let Some(frame) = decoder.next_frame().unwrap_or_else(|error| panic!("{error}")) {
         frames.add(frame);
     }
     frames.finish()

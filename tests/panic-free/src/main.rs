@@ -9,13 +9,18 @@
 use core::hint::black_box;
 use core::panic::PanicInfo;
 use core::ptr::{addr_of, addr_of_mut};
+use decoder_core::predict::Correlation;
 use decoder_core::qmd::{Clip, Stream};
-use decoder_core::{I16F16, Limits, float};
+use decoder_core::{I16F16, Limits, float, mclip};
 
 static mut BYTES: [u8; 4096] = [0; 4096];
 static mut POSE: [I16F16; 64] = [I16F16::ZERO; 64];
 static mut TABLE: [i32; 256] = [0; 256];
 static mut BUFFER: [u8; 256] = [0; 256];
+static mut BLOCK: [u8; 256] = [0; 256];
+static mut WORDS: [u16; 1024] = [0; 1024];
+static mut CORRELATIONS: [Correlation; 64] = [Correlation::EMPTY; 64];
+static mut STATES: [mclip::State; 64] = [mclip::State::EMPTY; 64];
 static mut NUMBERS: [u32; 8] = [0; 8];
 
 #[panic_handler]
@@ -43,6 +48,8 @@ extern "C" fn entry() -> ! {
         black_box(float::fixed_from_f32_bits(number(2)));
         let _ = black_box(in_memory(limits));
         let _ = black_box(streamed(limits));
+        let _ = black_box(mclip_in_memory(limits));
+        let _ = black_box(mclip_streamed(limits));
         #[cfg(feature = "planted")]
         assert!(number(7) != 1, "planted");
     }
@@ -75,4 +82,45 @@ fn streamed(limits: Limits) -> Result<u32, decoder_core::Error> {
     black_box(stream.layout());
     stream.finish()?;
     Ok(stream.frames())
+}
+
+fn mclip_memory() -> mclip::Memory<'static> {
+    mclip::Memory {
+        pose: lend(addr_of_mut!(POSE), number(5)),
+        states: lend(addr_of_mut!(STATES), number(4)),
+        correlations: lend(addr_of_mut!(CORRELATIONS), number(6)),
+        words: lend(addr_of_mut!(WORDS), number(7)),
+    }
+}
+
+fn mclip_in_memory(limits: Limits) -> Result<u32, decoder_core::Error> {
+    let clip = mclip::Clip::parse(lend(addr_of_mut!(BYTES), number(3)), limits)?;
+    black_box((clip.header().rate_centihertz(), clip.blocks(), clip.entries(), clip.header().needs()));
+    clip.header().channels().for_each(|channel| {
+        black_box(channel);
+    });
+    let mut decoder = clip.decoder(mclip_memory())?;
+    while let Some(pose) = decoder.next_frame()? {
+        black_box(pose);
+    }
+    black_box(decoder.seek(number(6))?);
+    decoder.rewind();
+    Ok(decoder.position())
+}
+
+fn mclip_streamed(limits: Limits) -> Result<u32, decoder_core::Error> {
+    let mut chunk: &[u8] = lend(addr_of_mut!(BYTES), number(3));
+    let mut receiver = mclip::Receiver::new(lend(addr_of_mut!(BUFFER), number(6)));
+    if !receiver.receive(&mut chunk)? {
+        return Ok(0);
+    }
+    let header = receiver.finish(limits)?;
+    let mut stream = mclip::Stream::new(header, mclip_memory(), lend(addr_of_mut!(BLOCK), number(6)))?;
+    while let Some(pose) = stream.next_frame(&mut chunk)? {
+        black_box(pose);
+    }
+    stream.resume();
+    black_box(stream.next_frame(&mut chunk)?);
+    stream.finish()?;
+    Ok(stream.position())
 }

@@ -1,0 +1,139 @@
+//! Bits out of bytes, the most significant first.
+//!
+//! Reading past the end is defined: it gives zeros, and [`BitReader::overrun`] tells. So a loop over a frame's
+//! codes needs one check at its end instead of one at every code.
+
+/// Most bits that one call takes.
+pub const MAX_TAKE: u32 = 25;
+
+/// A position in a slice of bytes.
+///
+/// Up to four bytes are held in a word, so that a code costs two shifts, and a load for every byte.
+#[derive(Clone, Debug)]
+pub struct BitReader<'a> {
+    rest: &'a [u8],
+    /// The next bits, left-aligned; zeros below those that are held.
+    window: u32,
+    /// Bits in `window`, those past the end included.
+    held: u32,
+    /// Bits before `rest`, and past the end.
+    fetched: usize,
+    /// Bits that there are.
+    length: usize,
+}
+
+impl<'a> BitReader<'a> {
+    /// Before the first bit of `bytes`.
+    pub const fn new(bytes: &'a [u8]) -> Self {
+        Self { rest: bytes, window: 0, held: 0, fetched: 0, length: bytes.len().saturating_mul(8) }
+    }
+
+    /// Before bit `position` of `bytes`; past the end where there are not so many.
+    pub fn at(bytes: &'a [u8], position: usize) -> Self {
+        let whole = position >> 3;
+        let rest = bytes.get(whole..).unwrap_or_default();
+        let mut reader = Self { rest, fetched: whole.saturating_mul(8), ..Self::new(bytes) };
+        reader.take((position & 7) as u32);
+        reader
+    }
+
+    /// The next `count` bits, at most [`MAX_TAKE`], as a number; they are taken.
+    #[inline(always)]
+    pub fn take(&mut self, count: u32) -> u32 {
+        let value = self.peek(count);
+        self.skip(count);
+        value
+    }
+
+    /// The next `count` bits, at most [`MAX_TAKE`]; they stay.
+    #[inline(always)]
+    pub fn peek(&mut self, count: u32) -> u32 {
+        if self.held < count {
+            self.fetch();
+        }
+        // In two shifts, since none is as wide as the word.
+        (self.window >> 1).wrapping_shr(31u32.wrapping_sub(count))
+    }
+
+    /// Takes `count` bits that were peeked at.
+    #[inline(always)]
+    pub fn skip(&mut self, count: u32) {
+        self.window = self.window.wrapping_shl(count);
+        self.held = self.held.wrapping_sub(count);
+    }
+
+    /// Bits taken since the start, those past the end included.
+    pub const fn position(&self) -> usize {
+        self.fetched.wrapping_sub(self.held as usize)
+    }
+
+    /// Whether more bits were taken than there are.
+    pub const fn overrun(&self) -> bool {
+        self.position() > self.length
+    }
+
+    /// Fills the window to at least [`MAX_TAKE`] bits.
+    #[inline(always)]
+    fn fetch(&mut self) {
+        while self.held < MAX_TAKE {
+            if let Some((&byte, rest)) = self.rest.split_first() {
+                self.rest = rest;
+                self.window |= u32::from(byte).wrapping_shl(24u32.wrapping_sub(self.held));
+            }
+            self.held = self.held.wrapping_add(8);
+            self.fetched = self.fetched.wrapping_add(8);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Random;
+    use std::vec::Vec;
+
+    /// Bit by bit, from a string of digits.
+    fn reference(bytes: &[u8], position: usize, count: u32) -> u32 {
+        (position..position + count as usize).fold(0, |value, bit| {
+            let byte = bytes.get(bit / 8).copied().unwrap_or(0);
+            value << 1 | u32::from(byte >> (7 - bit % 8) & 1)
+        })
+    }
+
+    #[test]
+    fn every_width_at_every_position() {
+        let mut random = Random(1);
+        let bytes: Vec<u8> = (0..9).map(|_| random.next() as u8).collect();
+        for position in 0..100 {
+            for count in 0..=MAX_TAKE {
+                let mut reader = BitReader::at(&bytes, position);
+                assert_eq!(reader.position(), position);
+                assert_eq!(reader.peek(count), reference(&bytes, position, count));
+                assert_eq!(reader.take(count), reference(&bytes, position, count), "{position} {count}");
+                assert_eq!(reader.position(), position + count as usize);
+                assert_eq!(reader.overrun(), position + count as usize > 72, "{position} {count}");
+            }
+        }
+    }
+
+    #[test]
+    fn any_sequence_of_widths() {
+        let mut random = Random(2);
+        let bytes: Vec<u8> = (0..1000).map(|_| random.next() as u8).collect();
+        let mut reader = BitReader::new(&bytes);
+        let mut position = 0;
+        while position < 8100 {
+            let count = random.below(MAX_TAKE as usize + 1) as u32;
+            assert_eq!(reader.take(count), reference(&bytes, position, count));
+            position += count as usize;
+            assert_eq!((reader.position(), reader.overrun()), (position, position > 8000));
+        }
+    }
+
+    #[test]
+    fn a_position_far_beyond_the_end_is_an_overrun() {
+        assert!(BitReader::at(&[1, 2], 1 << 40).overrun());
+        assert!(!BitReader::at(&[1, 2], 16).overrun());
+        assert!(!BitReader::new(&[]).overrun());
+    }
+}

@@ -1,0 +1,26 @@
+//! `.mclip`: a clip in blocks with checksums, entry points and a header that says what a decoder needs.
+//!
+//! The bytes are in docs/FORMAT.md, "mclip". A codec is a composition of the crate's stages; [`Codec`] lists them,
+//! and each has a file here that composes it.
+//!
+//! [`Clip`] is a clip in memory, read in place by [`Decoder`]. [`Stream`] is fed chunks of any size. Both hand whole
+//! blocks to the same code, after their CRC-32 was checked, and give the same frames.
+//!
+//! A decoder's memory is lent by the caller: [`Header::needs`] says how much.
+
+mod block;
+mod clip;
+mod codec;
+mod cursor;
+mod decoder;
+mod engine;
+mod header;
+mod stream;
+
+pub use block::{BLOCK_HEADER_BYTES, BlockHeader};
+pub use clip::Clip;
+pub use codec::{Adaptation, Adpcm, Choose, Codec, CodecId, EntropyId, State};
+pub use decoder::Decoder;
+pub use engine::{Engine, Memory, Needs};
+pub use header::{Channel, Channels, Header, MAGIC, Opening, PREFIX_BYTES, Prefix, Unit, VERSION, checksum};
+pub use stream::{Receiver, Stream};

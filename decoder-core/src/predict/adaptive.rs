@@ -1,0 +1,178 @@
+//! The adaptive predictor of second order, by the autocorrelation method (7-15 to 7-18).
+//!
+//! It predicts the movement d(n) = x(n) − x(n − 1) from the two before it: θ in (7-15) is the movement. Joint
+//! angles have a mean that the method cannot model (it would pull every prediction towards zero); movements have
+//! none. The prediction of the value is then x(n − 1) + α₁ · d(n − 1) + α₂ · d(n − 2).
+//!
+//! The short-term autocorrelation is taken over an exponential window of 2^s samples, so that a channel needs three
+//! sums instead of a window of decoded samples: 16 bytes, where a window of 15 to 120 samples takes 30 to 240. The
+//! coefficients are solved for once in a period, by Levinson's recursion with both reflection coefficients bounded,
+//! so that α₁ and α₂ are a stable filter whatever the sums are. That costs two divisions.
+
+use super::ONE;
+
+/// Largest magnitude of a reflection coefficient: 15/16.
+pub const MAX_REFLECTION: i32 = 15 << 10;
+
+/// Movements are kept in 2048ths of a unit, up to 16 units a frame.
+const SHIFT: u32 = 5;
+
+/// A channel's two last movements and its autocorrelation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Correlation {
+    /// d(n − 1) and d(n − 2).
+    movements: [i16; 2],
+    /// R(0), R(1) and R(2), weighted averages of products; below 2³⁰.
+    sums: [i32; 3],
+}
+
+impl Correlation {
+    /// A channel that has not moved.
+    pub const EMPTY: Self = Self { movements: [0; 2], sums: [0; 3] };
+
+    /// The prediction after `last`. Two 16-bit multiplies.
+    #[inline(always)]
+    pub const fn predict(&self, [first, second]: [i16; 2], last: i32) -> i32 {
+        let [newest, before] = self.movements;
+        // Below 2^30 each, and |α₁| + |α₂| < 3 where they are a stable filter; wraps where they are not.
+        let first = (first as i32).wrapping_mul(newest as i32);
+        let second = (second as i32).wrapping_mul(before as i32);
+        last.wrapping_add(first.wrapping_add(second) >> (14 - SHIFT))
+    }
+
+    /// Takes in the movement from one decoded value to the next. `window` is s, 1 to 14. Three 16-bit multiplies.
+    #[inline(always)]
+    pub fn add(&mut self, movement: i32, window: u32) {
+        let new = (movement >> SHIFT).clamp(-0x8000, 0x7fff);
+        let [newest, before] = self.movements;
+        let [r0, r1, r2] = &mut self.sums;
+        average(r0, new.wrapping_mul(new), window);
+        average(r1, new.wrapping_mul(i32::from(newest)), window);
+        average(r2, new.wrapping_mul(i32::from(before)), window);
+        self.movements = [new as i16, newest];
+    }
+
+    /// The coefficients α₁ and α₂ that solve (7-16) for the sums, as far as the bound on reflection coefficients lets
+    /// them; both 0 where there was too little movement to say.
+    pub fn solve(&self) -> [i16; 2] {
+        let [r0, r1, r2] = self.sums;
+        if r0 < 16 {
+            return [0, 0];
+        }
+        // R(0) in 15 bits, the others with it. R(1) and R(2) are kept below R(0), as those of a signal are.
+        let shift = 17u32.saturating_sub(r0.leading_zeros());
+        let (r0, r1, r2) = (r0 >> shift, r1 >> shift, r2 >> shift);
+        let (r1, r2) = (clamp(r1, r0), clamp(r2, r0));
+        let first = ratio(r1, r0);
+        let error = r0.wrapping_sub(first.wrapping_mul(r1) >> 14).max(1);
+        let second = ratio(r2.wrapping_sub(first.wrapping_mul(r1) >> 14), error);
+        let both = first.wrapping_mul(second) >> 14;
+        // Below 2 and 1 in magnitude, so they fit.
+        [first.wrapping_sub(both) as i16, second as i16]
+    }
+}
+
+/// Moves an average by 2^−s of the way to a new value.
+#[inline(always)]
+fn average(sum: &mut i32, product: i32, window: u32) {
+    // Both are in ±2^30, so the difference is in a word.
+    *sum = sum.wrapping_add(product.wrapping_sub(*sum).wrapping_shr(window));
+}
+
+fn clamp(value: i32, most: i32) -> i32 {
+    value.max(most.wrapping_neg()).min(most)
+}
+
+/// A reflection coefficient: the ratio in 16384ths, bounded. `over` is 1 to 2¹⁵.
+fn ratio(value: i32, over: i32) -> i32 {
+    let value = clamp(value, over).wrapping_mul(i32::from(ONE));
+    clamp(value.checked_div(over).unwrap_or(0), MAX_REFLECTION)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Random;
+
+    fn solved(sums: [i32; 3]) -> [f64; 2] {
+        Correlation { movements: [0; 2], sums }.solve().map(|c| f64::from(c) / f64::from(ONE))
+    }
+
+    #[test]
+    fn coefficients_solve_the_normal_equations() {
+        let mut random = Random(6);
+        for _ in 0..100_000 {
+            // Of a stable filter, so that the bounds do not matter.
+            let k = [0; 2].map(|_| (random.below(1800) as f64 - 900.0) / 1000.0);
+            let r0 = f64::from(1000 + (random.next() >> 3));
+            let r1 = k[0] * r0;
+            let r2 = k[0] * r1 + k[1] * (r0 - k[0] * r1);
+            let [first, second] = solved([r0 as i32, r1 as i32, r2 as i32]);
+            // (7-16) by Cramer's rule.
+            let determinant = r0 * r0 - r1 * r1;
+            let exact = [(r1 * r0 - r1 * r2) / determinant, (r0 * r2 - r1 * r1) / determinant];
+            // Sums of at least 9 bits.
+            assert!(
+                (first - exact[0]).abs() < 0.06 && (second - exact[1]).abs() < 0.06,
+                "{k:?} {first} {second} {exact:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn coefficients_are_stable_for_any_sums() {
+        let mut random = Random(7);
+        for _ in 0..1_000_000 {
+            let any = |random: &mut Random| random.next() as i32 >> (2 + random.below(30));
+            let sums = [any(&mut random).abs(), any(&mut random), any(&mut random)];
+            let [first, second] = solved(sums);
+            assert!(second.abs() < 1.0 && first.abs() < 1.0 - second, "{sums:?} {first} {second}");
+        }
+    }
+
+    #[test]
+    fn sums_stay_in_range_for_any_movement() {
+        let mut random = Random(8);
+        for window in 1..=14 {
+            let mut channel = Correlation::default();
+            for step in 0..20_000 {
+                let movement = match step / 1000 % 4 {
+                    0 => i32::MIN,
+                    1 => i32::MAX,
+                    2 => random.next() as i32,
+                    _ => {
+                        if step % 2 == 0 {
+                            i32::MIN
+                        } else {
+                            i32::MAX
+                        }
+                    }
+                };
+                channel.add(movement, window);
+                let [r0, r1, r2] = channel.sums;
+                assert!(
+                    (-(1 << window)..=1 << 30).contains(&r0) && r1.abs() <= 1 << 30 && r2.abs() <= 1 << 30
+                );
+                channel.predict(channel.solve(), movement);
+            }
+        }
+    }
+
+    /// A damped oscillation is predicted far better than by repeating its last movement.
+    #[test]
+    fn it_learns_an_oscillation() {
+        let mut channel = Correlation::default();
+        let (mut own, mut naive) = (0.0, 0.0);
+        let mut before = [0; 2];
+        for n in 0..2000 {
+            let x = ((f64::from(n) * 0.3).sin() * 30.0 * 65536.0) as i32;
+            if n > 200 {
+                own += f64::from(channel.predict(channel.solve(), before[0]) - x).abs();
+                naive += f64::from(2 * before[0] - before[1] - x).abs();
+            }
+            channel.add(x - before[0], 5);
+            before = [x, before[0]];
+        }
+        assert!(own < naive / 2.0, "{own} {naive}");
+    }
+}

@@ -1,0 +1,176 @@
+//! Uniform quantisers: of values between two limits (7-4), and of differences about zero.
+
+use super::{Cell, Quantise};
+use crate::arithmetic::{signed, unsigned};
+
+/// Values between two limits θ_L and θ_U in N steps of Δ = (θ_U − θ_L) / N: decision levels d_i = θ_L + i·Δ (7-4),
+/// reconstruction in the middle of two of them (7-3).
+///
+/// Δ = mantissa · 2^exponent, so that it fits a channel's memory. The error is at most Δ/2 inside the limits;
+/// values outside get the nearest level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// θ_L, a word.
+    pub low: i32,
+    /// Δ without its power of two, at least 1.
+    pub mantissa: i16,
+    /// The power of two in Δ, 0 to [`MAX_EXPONENT`].
+    pub exponent: u8,
+}
+
+/// Largest exponent of a grid's step.
+pub const MAX_EXPONENT: u8 = 15;
+
+impl Grid {
+    /// A grid of 2^bits steps that covers `low` to `high` with the least Δ that a mantissa of 15 bits has.
+    /// `None` where `low` is above `high`, bits is not 1 to 16, or Δ would be 2³⁰ or more.
+    pub fn covering(low: i32, high: i32, bits: u8) -> Option<Self> {
+        if low > high || !(1..=super::MAX_BITS).contains(&bits) {
+            return None;
+        }
+        let range = low.abs_diff(high);
+        let rounded = range.checked_shr(u32::from(bits))?.saturating_add(1);
+        let mut exponent = 0u8;
+        while rounded.checked_shr(u32::from(exponent))? >= 0x7fff {
+            exponent = exponent.checked_add(1)?;
+        }
+        let mantissa = rounded.checked_shr(u32::from(exponent))?;
+        if exponent > MAX_EXPONENT {
+            return None;
+        }
+        let exact = mantissa.checked_shl(u32::from(exponent))? == rounded;
+        let mantissa = i16::try_from(if exact { mantissa } else { mantissa.saturating_add(1) }).ok()?;
+        Some(Self { low, mantissa, exponent })
+    }
+
+    /// Δ.
+    #[inline(always)]
+    pub const fn step(self) -> i32 {
+        (self.mantissa as i32).wrapping_shl(self.exponent as u32)
+    }
+
+    /// The value that a code stands for: `low + code · Δ + ⌊Δ / 2⌋`, wrapping.
+    pub fn value(self, code: u32) -> i32 {
+        self.low.wrapping_add(self.difference(code, &mut Cell::default()))
+    }
+
+    /// The code of a value, of `2^bits` codes. Only an encoder needs it: it divides.
+    pub fn code(self, value: i32, bits: u8) -> u32 {
+        self.nearest(value.max(self.low).wrapping_sub(self.low), &Cell { step: 0, bits })
+    }
+}
+
+/// Differences are from the lower limit. One multiply a symbol.
+impl Quantise for Grid {
+    #[inline(always)]
+    fn difference(&self, symbol: u32, _: &mut Cell) -> i32 {
+        let step = self.step();
+        step.wrapping_mul(symbol as i32).wrapping_add(step >> 1)
+    }
+
+    fn nearest(&self, difference: i32, cell: &Cell) -> u32 {
+        // A difference from the lower limit is unsigned.
+        let code = difference.cast_unsigned().checked_div(self.step().cast_unsigned()).unwrap_or(0);
+        code.min(cell.symbols().wrapping_sub(1))
+    }
+}
+
+/// Differences in steps about zero: code · Δ, with zero a level of its own.
+///
+/// Symbol `s` is code 0, −1, 1, −2, 2 … One multiply a symbol; the error is at most Δ/2 where the code is in range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Uniform;
+
+impl Quantise for Uniform {
+    #[inline(always)]
+    fn difference(&self, symbol: u32, cell: &mut Cell) -> i32 {
+        super::step::size(cell.step).wrapping_mul(signed(symbol))
+    }
+
+    fn nearest(&self, difference: i32, cell: &Cell) -> u32 {
+        let step = super::step::size(cell.step);
+        // Halves away from zero.
+        let half = (step >> 1).wrapping_mul(difference.signum());
+        let code = difference.saturating_add(half).checked_div(step).unwrap_or(0);
+        let most = (cell.symbols() >> 1).cast_signed();
+        if most == 0 { 0 } else { unsigned(code.clamp(most.wrapping_neg(), most.wrapping_sub(1))) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::quantise::step::size;
+    use crate::testing::Random;
+
+    #[test]
+    fn every_code_is_the_nearest_to_its_own_value() {
+        for bits in 1..=10 {
+            for (low, high) in [(-5 << 16, 90 << 16), (0, 0), (i32::MIN, i32::MAX), (-7, 300_000), (3, 5)] {
+                let Some(grid) = Grid::covering(low, high, bits) else {
+                    assert!(bits < 3 && low == i32::MIN);
+                    continue;
+                };
+                for code in 0..1 << bits {
+                    let value = i64::from(low)
+                        + i64::from(code) * i64::from(grid.step())
+                        + i64::from(grid.step() / 2);
+                    if value <= i64::from(i32::MAX) {
+                        assert_eq!(i64::from(grid.value(code)), value);
+                        assert_eq!(grid.code(grid.value(code), bits), code);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_error_is_half_a_step_between_the_limits() {
+        let mut random = Random(4);
+        for _ in 0..200_000 {
+            let bits = 1 + random.below(16) as u8;
+            let (a, b) = (random.next() as i32 >> random.below(32), random.next() as i32 >> random.below(32));
+            let (low, high) = (a.min(b), a.max(b));
+            let Some(grid) = Grid::covering(low, high, bits) else { continue };
+            let ideal = (f64::from(high) - f64::from(low)) / f64::from(1u32 << bits);
+            assert!(f64::from(grid.step()) <= ideal * (1.0 + 2f64.powi(-13)) + 1.0, "{grid:?} {ideal}");
+            let value =
+                low.wrapping_add((random.next() % (low.abs_diff(high).saturating_add(1)).max(1)) as i32);
+            let found = i64::from(grid.value(grid.code(value, bits)));
+            // Values in the last half step may wrap at the end of all words.
+            if found >= i64::from(low) {
+                let error = (found - i64::from(value)).abs();
+                assert!(2 * error <= i64::from(grid.step()) + 1, "{grid:?} {value} {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn values_outside_get_the_nearest_level() {
+        let grid = Grid::covering(0, 255, 4).unwrap();
+        assert_eq!((grid.code(-1000, 4), grid.code(1000, 4)), (0, 15));
+        assert_eq!(Grid::covering(1, 0, 4), None);
+        assert_eq!(Grid::covering(0, 1, 0), None);
+        assert_eq!(Grid::covering(0, 1, 17), None);
+    }
+
+    #[test]
+    fn differences_are_whole_steps() {
+        for step in 0..=crate::quantise::step::MAX_STEP {
+            for bits in 1..=8 {
+                let mut cell = Cell { step, bits };
+                for symbol in 0..cell.symbols() {
+                    let exact = i64::from(size(step)) * i64::from(signed(symbol));
+                    let difference = Uniform.difference(symbol, &mut cell);
+                    assert_eq!(difference, exact as i32, "wraps");
+                    if i64::from(difference) == exact {
+                        assert_eq!(Uniform.nearest(difference, &cell), symbol);
+                    }
+                }
+            }
+        }
+        let cell = Cell { step: 100, bits: 4 };
+        assert_eq!([i32::MIN, i32::MAX].map(|far| Uniform.nearest(far, &cell)), [15, 14]);
+        assert_eq!(Uniform.nearest(1 << 20, &Cell { step: 0, bits: 0 }), 0);
+    }
+}

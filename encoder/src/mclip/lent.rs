@@ -1,0 +1,36 @@
+//! Memory for the decoder, from the heap.
+
+use decoder_core::I16F16;
+use decoder_core::mclip::{Memory, Needs, State};
+use decoder_core::predict::Correlation;
+
+/// As much memory as a clip's decoder needs.
+#[derive(Clone, Debug)]
+pub struct Lent {
+    pose: Vec<I16F16>,
+    states: Vec<State>,
+    correlations: Vec<Correlation>,
+    words: Vec<u16>,
+}
+
+impl Lent {
+    /// Memory for these needs.
+    pub fn new(needs: Needs) -> Self {
+        Self {
+            pose: vec![I16F16::ZERO; needs.channels],
+            states: vec![State::EMPTY; needs.channels],
+            correlations: vec![Correlation::EMPTY; needs.correlations],
+            words: vec![0; needs.words],
+        }
+    }
+
+    /// The memory as a decoder takes it.
+    pub fn memory(&mut self) -> Memory<'_> {
+        Memory {
+            pose: &mut self.pose,
+            states: &mut self.states,
+            correlations: &mut self.correlations,
+            words: &mut self.words,
+        }
+    }
+}

@@ -1,0 +1,372 @@
+//! Encoders for `.mclip`: pcm, mulaw, dpcm, adpcm and qmd with each entropy stage.
+//!
+//! Source: the waveform-coding document, sections 7.2 to 7.6. The bytes are in docs/FORMAT.md, "mclip".
+//!
+//! Every codec runs the decoder's own loop ([`decoder_core::mclip::Engine::choose`]), so predictions and steps are
+//! the decoder's to the last bit, and errors do not add up. Channels get steps in inverse proportion to how far they
+//! move the joints, so that an error costs the same wherever it is made.
+
+mod bits;
+mod lent;
+mod lookup;
+mod plan;
+mod prefix;
+mod run;
+mod target;
+mod writer;
+
+use crate::motion::Motion;
+use crate::qmd::{EncodeError, Source};
+use crate::skeleton::Skeleton;
+use decoder_core::Limits;
+use decoder_core::mclip::{Clip, CodecId, EntropyId, Opening, Unit};
+use plan::{Choice, Column};
+use run::Plan;
+
+pub use lent::Lent;
+pub use target::{Encoded, Target};
+
+/// How values are predicted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub enum Predictor {
+    /// The last value.
+    Last,
+    /// First order (7-14).
+    First,
+    /// Second order, the coefficients chosen for each channel.
+    Second,
+    /// Second order, adapted by the decoder (7-15 to 7-18); only adpcm has it.
+    Adaptive {
+        /// The exponential window has 2 to this power frames.
+        window: u8,
+        /// Coefficients are solved for every 2 to this power frames.
+        period: u8,
+    },
+}
+
+/// What is not a matter of quality.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Settings {
+    /// The codec.
+    #[serde(serialize_with = "codec_name")]
+    pub codec: CodecId,
+    /// The entropy stage; the smallest unless given.
+    #[serde(serialize_with = "entropy_name")]
+    pub entropy: Option<EntropyId>,
+    /// The predictor; pcm has none, mulaw always the first order, qmd always the last value.
+    pub predictor: Predictor,
+    /// adpcm: whether steps adapt.
+    pub adapt_step: bool,
+    /// adpcm: log₂ of the step multipliers in eighths.
+    pub multipliers: [i8; 8],
+    /// mulaw: μ.
+    pub mu: f64,
+    /// Longest block in bytes of codes; a frame that is longer has a block of its own.
+    pub block_bytes: u16,
+    /// Frames from one entry point to the next.
+    pub entry_frames: usize,
+    /// Rounding towards zero, in 64ths of a step, 0 to 32.
+    pub dead: i32,
+}
+
+fn codec_name<S: serde::Serializer>(codec: &CodecId, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(codec.name())
+}
+
+fn entropy_name<S: serde::Serializer>(entropy: &Option<EntropyId>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(entropy.map_or("smallest", EntropyId::name))
+}
+
+impl Settings {
+    /// The settings that a codec has unless others are asked for.
+    pub fn new(codec: CodecId) -> Self {
+        Self {
+            codec,
+            entropy: None,
+            predictor: match codec {
+                CodecId::Pcm | CodecId::Qmd => Predictor::Last,
+                CodecId::MuLaw => Predictor::First,
+                CodecId::Dpcm => Predictor::Second,
+                CodecId::Adpcm => Predictor::Adaptive { window: 5, period: 2 },
+            },
+            adapt_step: false,
+            multipliers: [-1, -1, 0, 0, 2, 4, 6, 8],
+            mu: 255.0,
+            block_bytes: 1024,
+            entry_frames: 480,
+            dead: if matches!(codec, CodecId::Dpcm | CodecId::Adpcm) { 12 } else { 0 },
+        }
+    }
+
+    /// Most bits of a code that [`Quality::Bits`] may ask for.
+    pub const fn most_bits(&self) -> u8 {
+        match self.codec {
+            CodecId::MuLaw => 9,
+            CodecId::Qmd => 8,
+            _ => 16,
+        }
+    }
+
+    /// Whether steps may be chosen freely. Otherwise the number of bits is what sets the quality: the levels of mulaw
+    /// and qmd are spread over all differences, and steps that adapt go where they want.
+    pub const fn has_free_steps(&self) -> bool {
+        match self.codec {
+            CodecId::Pcm | CodecId::Dpcm => true,
+            CodecId::Adpcm => !self.adapt_step,
+            CodecId::MuLaw | CodecId::Qmd => false,
+        }
+    }
+}
+
+/// How fine steps are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Quality {
+    /// Every channel has codes of so many bits, 1 to [`Settings::most_bits`], and its best step.
+    Bits(u8),
+    /// The displacement in cm, root of the sum of squares over the joints, that one step of a channel makes. For
+    /// codecs whose steps are free: [`Settings::has_free_steps`].
+    Step(f64),
+}
+
+/// A motion made ready to be encoded many times.
+pub struct Encoder<'m> {
+    skeleton: &'m Skeleton,
+    source: Source,
+    columns: Vec<Column>,
+}
+
+impl<'m> Encoder<'m> {
+    /// # Errors
+    /// [`EncodeError`] where the motion is empty or its size, rate or values do not fit the format.
+    pub fn new(skeleton: &'m Skeleton, motion: &Motion) -> Result<Self, EncodeError> {
+        let source = Source::new(skeleton, motion)?;
+        if source.frames > i32::MAX as usize {
+            let limit = i32::MAX as usize;
+            return Err(EncodeError::TooMany { what: "frames", found: source.frames, limit });
+        }
+        let columns = Column::all(&source);
+        Ok(Self { skeleton, source, columns })
+    }
+
+    /// Encodes with these settings, in the smallest entropy stage unless one is given.
+    pub fn encode(&self, settings: &Settings, quality: Quality) -> Vec<u8> {
+        let (levels, choices) = match quality {
+            Quality::Bits(bits) => self.by_bits(settings, bits),
+            Quality::Step(cm) => {
+                let parameters = plan::parameters(settings, &[]);
+                (Vec::new(), plan::by_steps(&self.columns, settings, &parameters, &self.steps(cm)))
+            }
+        };
+        // Rounding towards zero saves bits only where an entropy stage counts them.
+        let dead = if matches!(quality, Quality::Step(_)) { settings.dead } else { 0 };
+        let parameters = plan::parameters(settings, &levels);
+        let plan = Plan { dead, ..self.plan(settings, &parameters, &choices) };
+        let coded = plan.run(&self.source.targets);
+        let stages = settings.entropy.map_or(EntropyId::ALL.to_vec(), |entropy| vec![entropy]);
+        let clips = stages.into_iter().map(|entropy| writer::write(&plan, &coded, entropy));
+        clips.min_by_key(Vec::len).unwrap_or_default()
+    }
+
+    /// The levels of the quantiser, where it has some, and the choices for codes of so many bits.
+    fn by_bits(&self, settings: &Settings, bits: u8) -> (Vec<u8>, Vec<Choice>) {
+        let bits = bits.clamp(1, settings.most_bits());
+        if settings.codec == CodecId::Qmd {
+            let choices = lookup::choices(&self.columns, &self.steps(1.0), bits);
+            let run = |levels: &[u8]| self.plan(settings, levels, &choices).run(&self.source.targets);
+            return (lookup::fit(&self.columns, &choices, bits, run), choices);
+        }
+        let levels = match settings.codec {
+            CodecId::MuLaw => plan::mu_law(settings.mu, bits),
+            _ => Vec::new(),
+        };
+        let parameters = plan::parameters(settings, &levels);
+        let settings = Settings { dead: 0, ..*settings };
+        let choices = plan::by_bits(&self.columns, &settings, &parameters, bits);
+        (levels, choices)
+    }
+
+    /// The step of every channel in words, where a step moves the joints by `cm`.
+    fn steps(&self, cm: f64) -> Vec<f64> {
+        self.source.weights.iter().map(|weight| 65536.0 * cm / weight.sqrt()).collect()
+    }
+
+    fn plan<'p>(&'p self, settings: &Settings, parameters: &'p [u8], choices: &[Choice]) -> Plan<'p> {
+        let skeleton_channels = self.skeleton.channels.iter();
+        let channels =
+            skeleton_channels.zip(&self.columns).zip(choices).map(|((channel, column), choice)| {
+                let unit = if channel.kind.is_rotation() { Unit::Degrees } else { Unit::Centimetres };
+                column.record(settings.codec, &channel.name, unit.id(), *choice)
+            });
+        let hundredths = u32::from(self.source.rate_centihertz);
+        let whole = hundredths.is_multiple_of(100);
+        Plan {
+            opening: Opening {
+                rate_numerator: if whole { hundredths / 100 } else { hundredths },
+                rate_denominator: if whole { 1 } else { 100 },
+                frames: self.source.frames as u32,
+                channels: self.source.channels as u16,
+                block_bytes: settings.block_bytes,
+                ram: 0,
+                delay: 0,
+                codec: settings.codec.id(),
+                entropy: EntropyId::FixedWidth.id(),
+                parameters,
+                tables: &[],
+                cycles: &[],
+            },
+            channels: channels.collect(),
+            entry_frames: settings.entry_frames,
+            dead: settings.dead,
+        }
+    }
+}
+
+/// Decodes a whole clip with the decoder's own code. Values are in degrees and centimetres, angles continuous.
+///
+/// # Errors
+/// As [`Clip::parse`] and [`Decoder::next_frame`](decoder_core::mclip::Decoder::next_frame).
+pub fn decode(bytes: &[u8]) -> Result<Motion, decoder_core::Error> {
+    let clip = Clip::parse(bytes, Limits::MAX)?;
+    let opening = clip.header().opening();
+    let fps = f64::from(opening.rate_numerator) / f64::from(opening.rate_denominator);
+    let mut lent = Lent::new(clip.header().needs());
+    let mut decoder = clip.decoder(lent.memory())?;
+    let mut samples = Vec::new();
+    while let Some(pose) = decoder.next_frame()? {
+        samples.extend(pose.iter().map(|value| value.to_num::<f64>()));
+    }
+    Ok(Motion { fps, channels: clip.channels(), samples })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::Evaluator;
+    use crate::sample;
+    use decoder_core::mclip::{Receiver, Stream};
+
+    fn all_settings() -> Vec<Settings> {
+        let mut all = Vec::new();
+        for codec in CodecId::ALL {
+            for entropy in EntropyId::ALL {
+                let plain = Settings {
+                    entropy: Some(entropy),
+                    entry_frames: 100,
+                    block_bytes: 700,
+                    ..Settings::new(codec)
+                };
+                all.push(plain);
+                match codec {
+                    CodecId::Dpcm => {
+                        all.push(Settings { predictor: Predictor::Last, ..plain });
+                        all.push(Settings { predictor: Predictor::First, ..plain });
+                    }
+                    CodecId::Adpcm => {
+                        all.push(Settings { adapt_step: true, ..plain });
+                        all.push(Settings { adapt_step: true, predictor: Predictor::Second, ..plain });
+                    }
+                    _ => {}
+                }
+            }
+        }
+        all
+    }
+
+    /// Every frame by way of a stream, in chunks of `size` bytes.
+    fn streamed(bytes: &[u8], size: usize) -> Vec<f64> {
+        let mut chunks = bytes.chunks(size);
+        let mut chunk: &[u8] = &[];
+        let mut buffer = vec![0; 8192];
+        let mut receiver = Receiver::new(&mut buffer);
+        while !receiver.receive(&mut chunk).unwrap() {
+            chunk = chunks.next().unwrap();
+        }
+        let header = receiver.finish(Limits::MAX).unwrap();
+        let mut lent = Lent::new(header.needs());
+        let mut block = vec![0; usize::from(header.opening().block_bytes).max(12)];
+        let mut stream = Stream::new(header, lent.memory(), &mut block).unwrap();
+        let mut samples = Vec::new();
+        loop {
+            while let Some(pose) = stream.next_frame(&mut chunk).unwrap() {
+                samples.extend(pose.iter().map(|value| value.to_num::<f64>()));
+            }
+            match chunks.next() {
+                Some(next) => chunk = next,
+                None => break,
+            }
+        }
+        stream.finish().unwrap();
+        samples
+    }
+
+    #[test]
+    fn every_codec_and_entropy_stage_comes_near_and_streams_alike() {
+        let clip = sample::clip();
+        let evaluator = Evaluator::new(&clip.skeleton, &clip.motion).unwrap();
+        let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
+        for settings in all_settings() {
+            let mut qualities = vec![Quality::Bits(7)];
+            if settings.has_free_steps() {
+                qualities.push(Quality::Step(0.3));
+            }
+            for quality in qualities {
+                let encoded = encoder.measured(&settings, quality, &evaluator);
+                let off = encoded.mean_joint_cm;
+                assert!(off < 0.5, "{settings:?} {quality:?}: {off} cm");
+                let decoded = decode(&encoded.bytes).unwrap();
+                assert_eq!((decoded.frames(), decoded.fps), (clip.motion.frames(), clip.motion.fps));
+                assert_eq!(streamed(&encoded.bytes, 97), decoded.samples, "{settings:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn seeking_gives_the_frame_that_playing_gives() {
+        let clip = sample::clip();
+        let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
+        for settings in all_settings() {
+            let bytes = encoder.encode(&settings, Quality::Bits(5));
+            let played = decode(&bytes).unwrap();
+            let parsed = Clip::parse(&bytes, Limits::MAX).unwrap();
+            assert_eq!(parsed.entries(), 5, "480 frames, an entry point every 100");
+            let mut lent = Lent::new(parsed.header().needs());
+            let mut decoder = parsed.decoder(lent.memory()).unwrap();
+            for frame in [479, 0, 100, 99, 250, 251, 255, 3, 400, 399] {
+                let found = decoder.seek(frame).unwrap().unwrap();
+                let found: Vec<f64> = found.iter().map(|value| value.to_num()).collect();
+                assert_eq!(found, played.frame(frame as usize), "{settings:?} frame {frame}");
+            }
+            assert!(decoder.seek(480).unwrap().is_none());
+        }
+    }
+
+    #[test]
+    fn targets_are_met() {
+        let clip = sample::clip();
+        let evaluator = Evaluator::new(&clip.skeleton, &clip.motion).unwrap();
+        let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
+        for codec in [CodecId::Pcm, CodecId::Dpcm, CodecId::Adpcm] {
+            let settings = Settings { entropy: Some(EntropyId::Huffman), ..Settings::new(codec) };
+            let found = encoder.encode_to(&settings, Target::Error(0.1), &evaluator).mean_joint_cm;
+            assert!((found / 0.1 - 1.0).abs() < 0.03, "{codec:?}: {found} cm");
+            let encoded = encoder.encode_to(&settings, Target::Rate(8_000.0), &evaluator);
+            let rate = encoder.rate(&encoded.bytes);
+            assert!((7_700.0..=8_000.0).contains(&rate), "{codec:?}: {rate} bits a second");
+        }
+    }
+
+    #[test]
+    fn fewer_levels_cost_fewer_bytes_and_more_error() {
+        let clip = sample::clip();
+        let evaluator = Evaluator::new(&clip.skeleton, &clip.motion).unwrap();
+        let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
+        for codec in CodecId::ALL {
+            let settings = Settings { entropy: Some(EntropyId::FixedWidth), ..Settings::new(codec) };
+            let clips = [3, 5, 7].map(|bits| encoder.measured(&settings, Quality::Bits(bits), &evaluator));
+            for pair in clips.windows(2) {
+                assert!(pair[0].bytes.len() < pair[1].bytes.len(), "{codec:?}");
+                assert!(pair[0].mean_joint_cm > 1.5 * pair[1].mean_joint_cm, "{codec:?}");
+            }
+        }
+    }
+}

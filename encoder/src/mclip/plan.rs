@@ -1,0 +1,239 @@
+//! Chooses what a codec's channels look like for a motion and a quality.
+
+use super::run::{Coded, Plan};
+use super::{Predictor, Settings};
+use crate::qmd::Source;
+use decoder_core::mclip::{Adaptation, Adpcm, Channel, CodecId, EntropyId, Opening};
+use decoder_core::predict::ONE;
+use decoder_core::quantise::adaptive::CLASSES;
+use decoder_core::quantise::step::{MAX_STEP, size};
+use decoder_core::quantise::{Adaptive, Grid, MAX_BITS};
+use rayon::prelude::*;
+
+/// What a channel is coded like: everything that its record needs beyond name, unit and range.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Choice {
+    pub bits: u8,
+    pub step: u8,
+    pub coefficients: [i16; 2],
+}
+
+/// Parameters of a codec, as bytes of its header.
+pub(super) fn parameters(settings: &Settings, levels: &[u8]) -> Vec<u8> {
+    match settings.codec {
+        CodecId::Pcm => Vec::new(),
+        CodecId::MuLaw | CodecId::Qmd => levels.to_vec(),
+        CodecId::Dpcm => vec![match settings.predictor {
+            Predictor::Last => 0,
+            Predictor::First => 1,
+            _ => 2,
+        }],
+        CodecId::Adpcm => {
+            let multipliers = if settings.adapt_step { settings.multipliers } else { [0; CLASSES] };
+            let predictor = match settings.predictor {
+                Predictor::Adaptive { window, period } => Some(Adaptation { window, period }),
+                _ => None,
+            };
+            Adpcm { quantiser: Adaptive { multipliers, low: 0, high: MAX_STEP }, predictor }.bytes().to_vec()
+        }
+    }
+}
+
+/// Decision levels of the mu-law (7-5, by the inverse law) for codes of `bits` bits.
+pub(super) fn mu_law(mu: f64, bits: u8) -> Vec<u8> {
+    let count = 1usize << (bits - 1);
+    let level = |i: usize| ((1.0 + mu).powf(i as f64 / count as f64) - 1.0) / mu * 65536.0;
+    (0..count).flat_map(|i| (level(i).round() as u16).to_le_bytes()).collect()
+}
+
+/// The index of the step nearest to a size in words.
+pub(super) fn step_index(words: f64) -> u8 {
+    (8.0 * (words.max(8.0) / 8.0).log2()).round().clamp(0.0, f64::from(MAX_STEP)) as u8
+}
+
+/// One channel of a motion.
+pub(super) struct Column {
+    pub targets: Vec<i32>,
+    pub low: i32,
+    pub high: i32,
+}
+
+impl Column {
+    pub fn all(source: &Source) -> Vec<Self> {
+        let column = |channel: usize| -> Vec<i32> {
+            source.targets.iter().skip(channel).step_by(source.channels).copied().collect()
+        };
+        (0..source.channels)
+            .map(|channel| {
+                let targets = column(channel);
+                let low = targets.iter().copied().min().unwrap_or(0);
+                let high = targets.iter().copied().max().unwrap_or(0);
+                Self { targets, low, high }
+            })
+            .collect()
+    }
+
+    /// The record of this channel.
+    pub fn record<'n>(&self, codec: CodecId, name: &'n str, unit: u8, choice: Choice) -> Channel<'n> {
+        let mut channel = Channel {
+            name,
+            unit,
+            low: self.low,
+            high: self.high,
+            // Entry values in steps of a quarter of the channel's, or less.
+            entry_shift: (size(choice.step).ilog2() as u8).saturating_sub(2),
+            bits: choice.bits,
+            step: choice.step,
+            group: 0,
+            coefficients: choice.coefficients,
+        };
+        if choice.bits == 0 {
+            // A channel at rest stays in the middle of its range.
+            let middle = self.low + (self.high.wrapping_sub(self.low) >> 1);
+            (channel.low, channel.high) = (middle, middle);
+            channel.entry_shift = 0;
+        }
+        if codec == CodecId::Pcm {
+            channel.entry_shift = 0;
+            (channel.step, channel.coefficients) = match Grid::covering(self.low, self.high, choice.bits) {
+                Some(grid) => (grid.exponent, [grid.mantissa, 0]),
+                None => (0, [1, 0]),
+            };
+        }
+        channel
+    }
+
+    /// A plan for this channel alone.
+    fn plan<'p>(&self, settings: &Settings, parameters: &'p [u8], choice: Choice) -> Plan<'p> {
+        Plan {
+            opening: Opening {
+                rate_numerator: 1,
+                rate_denominator: 1,
+                frames: self.targets.len() as u32,
+                channels: 1,
+                block_bytes: u16::MAX,
+                ram: 0,
+                delay: 0,
+                codec: settings.codec.id(),
+                entropy: EntropyId::FixedWidth.id(),
+                parameters,
+                tables: &[],
+                cycles: &[],
+            },
+            channels: vec![self.record(settings.codec, "", 0, choice)],
+            entry_frames: settings.entry_frames,
+            dead: settings.dead,
+        }
+    }
+
+    /// Largest distance from the middle of the range.
+    fn half_range(&self) -> f64 {
+        (f64::from(self.high) - f64::from(self.low)) / 2.0
+    }
+
+    /// Sum of squared errors, in squared words.
+    fn squared_error(&self, coded: &Coded) -> f64 {
+        self.targets.iter().zip(&coded.decoded).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum()
+    }
+}
+
+/// Coefficients of the fixed predictors that are tried for a channel.
+fn candidates(predictor: Predictor, column: &Column) -> Vec<[i16; 2]> {
+    let q14 = |value: f64| (value * f64::from(ONE)).round().clamp(-32768.0, 32767.0) as i16;
+    match predictor {
+        Predictor::Last | Predictor::Adaptive { .. } => vec![[ONE, 0]],
+        Predictor::First => {
+            // R(1)/R(0) (7-14).
+            let x: Vec<f64> = column.targets.iter().map(|&word| f64::from(word)).collect();
+            let r0: f64 = x.iter().map(|x| x * x).sum();
+            let r1: f64 = x.windows(2).map(|pair| pair[0] * pair[1]).sum();
+            vec![[ONE, 0], [q14(if r0 > 0.0 { (r1 / r0).clamp(-1.0, 1.0) } else { 1.0 }), 0]]
+        }
+        // The last value and a part of the last movement.
+        Predictor::Second => [0.0, 0.2, 0.4, 0.55, 0.7, 0.8, 0.9, 1.0]
+            .iter()
+            .map(|&part| [q14(1.0 + part), q14(-part)])
+            .collect(),
+    }
+}
+
+/// Bits of the symbols by their own frequencies.
+fn entropy(symbols: &[u32]) -> f64 {
+    let mut sorted = symbols.to_vec();
+    sorted.sort_unstable();
+    let total = symbols.len() as f64;
+    sorted.chunk_by(|a, b| a == b).map(|run| run.len() as f64 * (total / run.len() as f64).log2()).sum()
+}
+
+/// Bits that hold the largest of the symbols, at least 1.
+fn bits_for(symbols: &[u32]) -> u8 {
+    let largest = symbols.iter().copied().max().unwrap_or(0);
+    (32 - largest.leading_zeros()).max(1) as u8
+}
+
+/// The best choice for every channel whose step is given, in words: the predictor with the fewest bits.
+pub(super) fn by_steps(
+    columns: &[Column],
+    settings: &Settings,
+    parameters: &[u8],
+    steps: &[f64],
+) -> Vec<Choice> {
+    let choose = |(column, &step): (&Column, &f64)| {
+        // A step about as wide as the range says no more than no code does.
+        if column.half_range() <= step / 2.0 {
+            return Choice { bits: 0, step: step_index(step), coefficients: [ONE, 0] };
+        }
+        if settings.codec == CodecId::Pcm {
+            let range = 2.0 * column.half_range();
+            let bits = (range / step).log2().ceil().clamp(1.0, f64::from(MAX_BITS)) as u8;
+            return Choice { bits, step: 0, coefficients: [0, 0] };
+        }
+        let tried = candidates(settings.predictor, column).into_iter().map(|coefficients| {
+            let choice = Choice { bits: MAX_BITS, step: step_index(step), coefficients };
+            let coded = column.plan(settings, parameters, choice).run(&column.targets);
+            (entropy(&coded.symbols), Choice { bits: bits_for(&coded.symbols), ..choice })
+        });
+        match tried.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            Some((_, choice)) => choice,
+            None => unreachable!("every predictor has candidates"),
+        }
+    };
+    columns.par_iter().zip(steps).map(choose).collect()
+}
+
+/// The best choice for every channel whose bits are given: the step and predictor with the least error.
+pub(super) fn by_bits(columns: &[Column], settings: &Settings, parameters: &[u8], bits: u8) -> Vec<Choice> {
+    let choose = |column: &Column| {
+        let rest = Choice { bits: 0, step: 0, coefficients: [ONE, 0] };
+        if column.low == column.high {
+            return rest;
+        }
+        if settings.codec == CodecId::Pcm {
+            return Choice { bits, ..rest };
+        }
+        let highest = step_index(2.0 * column.half_range());
+        let lowest = highest.saturating_sub(8 * 14);
+        let mut best = (f64::INFINITY, rest);
+        let candidates = candidates(settings.predictor, column);
+        let mut attempt = |step: u8| {
+            for &coefficients in &candidates {
+                let choice = Choice { bits, step, coefficients };
+                let coded = column.plan(settings, parameters, choice).run(&column.targets);
+                let error = column.squared_error(&coded);
+                if error < best.0 {
+                    best = (error, choice);
+                }
+            }
+            best.1.step
+        };
+        let mut middle = lowest;
+        for step in (lowest..=highest).step_by(8) {
+            middle = attempt(step);
+        }
+        for step in middle.saturating_sub(6)..=middle.saturating_add(6).min(MAX_STEP) {
+            attempt(step);
+        }
+        best.1
+    };
+    columns.par_iter().map(choose).collect()
+}

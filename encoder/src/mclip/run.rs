@@ -1,0 +1,112 @@
+//! The decoder's own loop, with symbols that are chosen to come close to a motion.
+
+use super::{Lent, writer};
+use decoder_core::Limits;
+use decoder_core::mclip::{Channel, Choose, Engine, Header, Opening, State};
+use decoder_core::quantise::{Quantise, step};
+
+/// What a decoder will do: how its header begins, and the channels.
+#[derive(Clone, Debug)]
+pub(super) struct Plan<'p> {
+    pub opening: Opening<'p>,
+    pub channels: Vec<Channel<'p>>,
+    /// Frames from one entry point to the next.
+    pub entry_frames: usize,
+    /// How much smaller than half a step a difference counts, in 64ths of a step: rounding towards zero makes
+    /// symbols smaller, and costs little where a step is coarse.
+    pub dead: i32,
+}
+
+/// The symbols of a motion, and what a decoder makes of them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Coded {
+    /// For each entry point, the values that it starts with and their bits.
+    pub entries: Vec<Vec<(u32, u32)>>,
+    /// Symbols of all frames but those of entry points (pcm: of all frames), channels without bits left out.
+    pub symbols: Vec<u32>,
+    /// For every symbol, the difference that it is to come near to.
+    pub wanted: Vec<i32>,
+    /// The decoded words, row-major.
+    pub decoded: Vec<i32>,
+}
+
+impl Plan<'_> {
+    /// Whether a frame is at an entry point.
+    pub fn is_entry(&self, frame: usize) -> bool {
+        frame.is_multiple_of(self.entry_frames)
+    }
+
+    /// Runs the loop over `targets`, row-major words of the plan's channels.
+    ///
+    /// # Panics
+    /// If the plan is no valid header: a mistake of the encoder.
+    pub fn run(&self, targets: &[i32]) -> Coded {
+        let bytes = writer::header(&self.opening, &self.channels);
+        let header = match Header::parse(&bytes, Limits::MAX) {
+            Ok(header) => header,
+            Err(error) => panic!("the encoder planned a header that cannot be: {error}"),
+        };
+        let mut lent = Lent::new(header.needs());
+        let mut engine = match Engine::new(header, lent.memory()) {
+            Ok(engine) => engine,
+            Err(error) => panic!("the encoder planned tables that cannot be: {error}"),
+        };
+        let mut coded = Coded::default();
+        coded.decoded.reserve(targets.len());
+        for (frame, row) in targets.chunks_exact(self.channels.len()).enumerate() {
+            let entry = self.is_entry(frame);
+            let mut nearest = Nearest {
+                targets: row,
+                dead: self.dead,
+                values: Vec::new(),
+                symbols: &mut coded.symbols,
+                wanted: &mut coded.wanted,
+            };
+            let pose = engine.choose(&mut nearest, entry);
+            coded.decoded.extend(pose.iter().map(|value| value.to_bits()));
+            let values = nearest.values;
+            if entry {
+                coded.entries.push(values);
+            }
+        }
+        coded
+    }
+}
+
+/// Chooses the symbol nearest to a target.
+struct Nearest<'n> {
+    targets: &'n [i32],
+    dead: i32,
+    values: Vec<(u32, u32)>,
+    symbols: &'n mut Vec<u32>,
+    wanted: &'n mut Vec<i32>,
+}
+
+impl Choose for Nearest<'_> {
+    fn entry(&mut self, channel: usize, low: i32, shift: u8, bits: u32) -> u32 {
+        let above = i64::from(self.targets[channel]) - i64::from(low);
+        let most = (1i64 << bits) - 1;
+        let rounded = (above + ((1 << shift) >> 1)) >> shift;
+        let value = rounded.clamp(0, most) as u32;
+        self.values.push((value, bits));
+        value
+    }
+
+    fn symbol<Q: Quantise>(
+        &mut self,
+        channel: usize,
+        predicted: i32,
+        quantiser: &Q,
+        state: &mut State,
+    ) -> u32 {
+        let mut difference = self.targets[channel].wrapping_sub(predicted);
+        self.wanted.push(difference);
+        if self.dead > 0 {
+            let by = (i64::from(step::size(state.cell().step)) * i64::from(self.dead) / 64) as i32;
+            difference -= difference.signum() * by.min(difference.saturating_abs());
+        }
+        let symbol = quantiser.nearest(difference, state.cell());
+        self.symbols.push(symbol);
+        symbol
+    }
+}

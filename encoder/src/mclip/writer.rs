@@ -1,0 +1,213 @@
+//! The bytes of a clip (docs/FORMAT.md, "mclip").
+
+use super::bits::BitWriter;
+use super::prefix::{Books, CLASS_COUNTS};
+use super::run::{Coded, Plan};
+use decoder_core::Limits;
+use decoder_core::entropy::huffman::{activity, class};
+use decoder_core::entropy::{AdaptiveHuffman, Context};
+use decoder_core::mclip::{BlockHeader, Channel, EntropyId, Header, MAGIC, Opening, VERSION, checksum};
+
+/// Prefix, header and checksum. The memory that a decoder needs is filled in.
+pub(super) fn header(opening: &Opening<'_>, channels: &[Channel<'_>]) -> Vec<u8> {
+    // A header that asks for all memory is valid, and says what it needs.
+    let most = assemble(&Opening { ram: u32::MAX, ..*opening }, channels);
+    let ram = Header::parse(&most, Limits::MAX).map_or(u32::MAX, |header| header.needs().bytes() as u32);
+    assemble(&Opening { ram, ..*opening }, channels)
+}
+
+fn assemble(opening: &Opening<'_>, channels: &[Channel<'_>]) -> Vec<u8> {
+    let mut body = Vec::new();
+    append(&mut body, opening);
+    channels.iter().for_each(|channel| append(&mut body, channel));
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend([0, 0]);
+    bytes.extend((body.len() as u32).to_le_bytes());
+    bytes.extend(body);
+    bytes.extend(checksum(&bytes, &[]).to_le_bytes());
+    bytes
+}
+
+fn append(bytes: &mut Vec<u8>, value: &impl serde::Serialize) {
+    match postcard::to_stdvec(value) {
+        Ok(part) => bytes.extend(part),
+        Err(error) => unreachable!("a vector grows: {error}"),
+    }
+}
+
+/// Symbols on their way to bits.
+enum Coder<'c> {
+    FixedWidth,
+    Huffman(&'c Books),
+    Adaptive(AdaptiveHuffman<'c>),
+}
+
+impl Coder<'_> {
+    fn write(&mut self, symbol: u32, width: u8, context: &mut Context, out: &mut BitWriter) {
+        match self {
+            Self::FixedWidth => out.put(symbol, width.into()),
+            Self::Huffman(books) => {
+                books.write(symbol, width, context, &mut |value, count| out.put(value, count));
+            }
+            Self::Adaptive(tree) => {
+                let coded = symbol.min(tree.escape());
+                let (code, length) = tree.code(coded);
+                out.put(code, length);
+                if coded == tree.escape() {
+                    out.put(symbol, width.into());
+                }
+                tree.count(coded);
+            }
+        }
+    }
+}
+
+/// The clip that has these symbols, with the entropy stage's best tables.
+pub(super) fn write(plan: &Plan<'_>, coded: &Coded, entropy: EntropyId) -> Vec<u8> {
+    match entropy {
+        EntropyId::FixedWidth => assemble_clip(plan, coded, entropy, &[], &mut Coder::FixedWidth),
+        EntropyId::Huffman => {
+            let symbols = contexts(plan, coded);
+            let clips = CLASS_COUNTS.iter().map(|&classes| {
+                let books = Books::fit(&symbols, classes);
+                assemble_clip(plan, coded, entropy, &books.bytes, &mut Coder::Huffman(&books))
+            });
+            clips.min_by_key(Vec::len).unwrap_or_default()
+        }
+        EntropyId::AdaptiveHuffman => {
+            let clips = (3..=7u8).map(|bits| {
+                let mut words = vec![0; AdaptiveHuffman::words(bits)];
+                match AdaptiveHuffman::new(bits, &mut words) {
+                    Some(tree) => assemble_clip(plan, coded, entropy, &[bits], &mut Coder::Adaptive(tree)),
+                    None => unreachable!("the memory is as large as the tree says"),
+                }
+            });
+            clips.min_by_key(Vec::len).unwrap_or_default()
+        }
+    }
+}
+
+/// Every symbol with its width and class, in order.
+fn contexts(plan: &Plan<'_>, coded: &Coded) -> Vec<(u32, u8, u8)> {
+    let mut out = Vec::with_capacity(coded.symbols.len());
+    let mut activities = vec![0; plan.channels.len()];
+    walk(plan, coded, |_, symbols| {
+        let Frame::Symbols(symbols) = symbols else {
+            activities.fill(0);
+            return;
+        };
+        for (&symbol, (channel, bits)) in symbols.iter().zip(active(plan)) {
+            let activity_before = activities[channel];
+            out.push((symbol, bits, class(activity_before) as u8));
+            activities[channel] = activity(activity_before, symbol);
+        }
+    });
+    out
+}
+
+/// Channels that have codes, and their bits.
+fn active<'p>(plan: &'p Plan<'_>) -> impl Iterator<Item = (usize, u8)> + 'p {
+    let bits = plan.channels.iter().map(|channel| channel.bits);
+    bits.enumerate().filter(|&(_, bits)| bits > 0)
+}
+
+/// A part of a frame.
+enum Frame<'c> {
+    /// An entry point begins, with these values.
+    Entry(&'c [(u32, u32)]),
+    /// The symbols of a frame.
+    Symbols(&'c [u32]),
+}
+
+/// Goes through all frames: the frame's number, and its parts.
+fn walk(plan: &Plan<'_>, coded: &Coded, mut visit: impl FnMut(usize, Frame<'_>)) {
+    let has_values = plan.opening.codec != decoder_core::mclip::CodecId::Pcm.id();
+    let count = active(plan).count();
+    let mut symbols = coded.symbols.as_slice();
+    let mut entries = coded.entries.iter();
+    for frame in 0..plan.opening.frames as usize {
+        if plan.is_entry(frame) {
+            visit(frame, Frame::Entry(entries.next().map_or(&[], Vec::as_slice)));
+            if has_values {
+                continue;
+            }
+        }
+        let (now, later) = symbols.split_at(count);
+        symbols = later;
+        visit(frame, Frame::Symbols(now));
+    }
+}
+
+/// A block that is being filled.
+#[derive(Default)]
+struct Block {
+    codes: BitWriter,
+    frames: u16,
+    first_frame: u32,
+    entry: bool,
+}
+
+impl Block {
+    fn finish(&mut self, bytes: &mut Vec<u8>, longest: &mut usize) {
+        if self.frames == 0 {
+            return;
+        }
+        let codes = self.codes.take();
+        *longest = codes.len().max(*longest);
+        if let Some(header) = BlockHeader::of(&codes, self.frames, self.first_frame, self.entry) {
+            bytes.extend(header.bytes());
+            bytes.extend(codes);
+        }
+        *self = Self { first_frame: self.first_frame + u32::from(self.frames), ..Self::default() };
+    }
+}
+
+fn assemble_clip(
+    plan: &Plan<'_>,
+    coded: &Coded,
+    entropy: EntropyId,
+    tables: &[u8],
+    coder: &mut Coder<'_>,
+) -> Vec<u8> {
+    let most = usize::from(plan.opening.block_bytes);
+    let mut frames: Vec<(bool, BitWriter)> = Vec::new();
+    let mut contexts = vec![Context::default(); plan.channels.len()];
+    walk(plan, coded, |frame, part| {
+        if frames.len() == frame {
+            frames.push((plan.is_entry(frame), BitWriter::default()));
+        }
+        let out = &mut frames[frame].1;
+        match part {
+            Frame::Entry(values) => {
+                values.iter().for_each(|&(value, bits)| out.put(value, bits));
+                contexts.fill(Context::default());
+                if let Coder::Adaptive(tree) = coder {
+                    tree.reset();
+                }
+            }
+            Frame::Symbols(symbols) => {
+                for (&symbol, (channel, bits)) in symbols.iter().zip(active(plan)) {
+                    coder.write(symbol, bits, &mut contexts[channel], out);
+                }
+            }
+        }
+    });
+    let mut blocks = Vec::new();
+    let mut longest = 0;
+    let mut block = Block::default();
+    for (entry, codes) in &frames {
+        let full = (block.codes.length() + codes.length()).div_ceil(8) > most || block.frames == u16::MAX;
+        if *entry || full {
+            block.finish(&mut blocks, &mut longest);
+            block.entry = *entry;
+        }
+        block.codes.append(codes);
+        block.frames += 1;
+    }
+    block.finish(&mut blocks, &mut longest);
+    let opening = Opening { entropy: entropy.id(), tables, block_bytes: longest as u16, ..plan.opening };
+    let mut bytes = header(&opening, &plan.channels);
+    bytes.extend(blocks);
+    bytes
+}

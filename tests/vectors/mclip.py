@@ -1,0 +1,468 @@
+#!/usr/bin/env python3
+"""A reference decoder of mclip, written from docs/FORMAT.md alone, and the golden vectors.
+
+    mclip.py hash FILE...    prints the SHA-256 of each clip's frames: channel words, little-endian, frame by frame
+    mclip.py make FOLDER     writes the vectors and SHA256SUMS.mclip
+
+Whole numbers only; nothing but the standard library.
+"""
+
+import hashlib
+import random
+import struct
+import sys
+import zlib
+from pathlib import Path
+
+PCM, MULAW, DPCM, ADPCM, QMD = range(5)
+FIXED, HUFFMAN, ADAPTIVE = range(3)
+
+
+def wrap(x):
+    return (x + 2**31) % 2**32 - 2**31
+
+
+def scale(x, f):
+    return x * f >> 16
+
+
+def signed(s):
+    return s // 2 if s % 2 == 0 else -(s + 1) // 2
+
+
+def clamp(x, low, high):
+    return max(low, min(high, x))
+
+
+MANTISSAS = [0x80000000, 0x8B95C1E4, 0x9837F052, 0xA5FED6AA, 0xB504F334, 0xC5672A11, 0xD744FCCB, 0xEAC0C6E8]
+
+
+def step(i):
+    return MANTISSAS[i % 8] >> (28 - i // 8)
+
+
+class Bits:
+    """A bit string; past its end come zeros."""
+
+    def __init__(self, data):
+        self.data, self.at = data, 0
+
+    def take(self, count):
+        value = 0
+        for _ in range(count):
+            byte = self.data[self.at // 8] if self.at < 8 * len(self.data) else 0
+            value = value << 1 | byte >> (7 - self.at % 8) & 1
+            self.at += 1
+        return value
+
+
+class Fields:
+    """postcard's numbers and slices."""
+
+    def __init__(self, data):
+        self.data, self.at = data, 0
+
+    def u8(self):
+        self.at += 1
+        return self.data[self.at - 1]
+
+    def varint(self):
+        value = shift = 0
+        while True:
+            byte = self.u8()
+            value |= (byte & 127) << shift
+            shift += 7
+            if byte < 128:
+                return value
+
+    def zigzag(self):
+        return signed(self.varint())
+
+    def bytes(self):
+        length = self.varint()
+        self.at += length
+        return self.data[self.at - length : self.at]
+
+
+class Channel:
+    def __init__(self, fields):
+        self.name, self.unit = fields.bytes(), fields.u8()
+        self.low, self.high = fields.zigzag(), fields.zigzag()
+        self.shift, self.bits, self.step, self.group = fields.u8(), fields.u8(), fields.u8(), fields.u8()
+        self.alpha = [fields.zigzag(), fields.zigzag()]
+        assert self.unit <= 1 and self.low <= self.high and self.shift <= 31 and self.bits <= 16
+
+
+class State:
+    """A channel at an entry point."""
+
+    def __init__(self, channel, value):
+        self.x1 = self.x2 = value
+        self.bits, self.step, self.group, self.alpha = channel.bits, channel.step, channel.group, channel.alpha
+        self.low, self.activity = channel.low, 0
+        self.d1 = self.d2 = 0
+        self.r = [0, 0, 0]
+
+
+class FixedWidth:
+    def reset(self):
+        pass
+
+    def symbol(self, bits, state):
+        return bits.take(state.bits)
+
+
+class Huffman:
+    BOUNDS = [3, 10, 20, 36, 64, 100, 150]
+
+    def __init__(self, tables):
+        index_bits, self.classes, groups = tables[:3]
+        at, self.codes = 3, []
+        for _ in range(groups * self.classes):
+            n = tables[at]
+            at += 1
+            if n == 0:
+                # A code of no bits.
+                self.codes.append({(0, 0): tables[at]})
+                at += 1
+                continue
+            lengths = [tables[at + i // 2] >> (4 * (i % 2)) & 15 for i in range(n)]
+            at += (n + 1) // 2
+            assert sum(2.0**-length for length in lengths if length) == 1 and max(lengths) <= index_bits
+            code, before, table = 0, 0, {}
+            for length, i in sorted((length, i) for i, length in enumerate(lengths) if length):
+                code <<= length - before
+                before = length
+                table[length, code] = "escape" if i == n - 1 else i
+                code += 1
+            self.codes.append(table)
+        assert at == len(tables)
+
+    def reset(self):
+        pass
+
+    def symbol(self, bits, state):
+        number = sum(state.activity > bound for bound in self.BOUNDS)
+        table = self.codes[state.group * self.classes + min(number, self.classes - 1)]
+        length = code = 0
+        while (length, code) not in table:
+            code = code << 1 | bits.take(1)
+            length += 1
+        s = table[length, code]
+        if s == "escape":
+            s = bits.take(state.bits)
+        state.activity += 8 * min((s + 1) // 2, 7) - state.activity // 4
+        return s
+
+
+class AdaptiveHuffman:
+    def __init__(self, tables):
+        (self.k,) = tables
+        self.reset()
+
+    def reset(self):
+        K = 1 << self.k
+        # What is below a node: its first child, or a symbol as ("leaf", s).
+        self.below = [2 * i + 1 for i in range(K - 1)] + [("leaf", s) for s in range(K)]
+        self.weight = [0] * (K - 1) + [1] * K
+        for i in reversed(range(K - 1)):
+            self.weight[i] = self.weight[2 * i + 1] + self.weight[2 * i + 2]
+
+    def symbol(self, bits, state):
+        K = 1 << self.k
+        node, path = 0, []
+        while not isinstance(self.below[node], tuple):
+            node = self.below[node] + bits.take(1)
+        s = self.below[node][1]
+        if self.weight[0] < 32768:
+            while node > 0:
+                leader = node
+                while leader > 1 and self.weight[leader - 1] == self.weight[node]:
+                    leader -= 1
+                self.below[node], self.below[leader] = self.below[leader], self.below[node]
+                self.weight[leader] += 1
+                child = leader if leader % 2 else leader - 1
+                node = self.below.index(child)
+            self.weight[0] += 1
+        return bits.take(state.bits) if s == K - 1 else s
+
+
+def solve(r):
+    if r[0] < 16:
+        return [0, 0]
+    h = max(r[0].bit_length() - 15, 0)
+    r0, r1, r2 = (x >> h for x in r)
+    r1, r2 = clamp(r1, -r0, r0), clamp(r2, -r0, r0)
+
+    def ratio(a, b):
+        a = clamp(a, -b, b) * 16384
+        return clamp(abs(a) // b * (1 if a >= 0 else -1), -15360, 15360)
+
+    k1 = ratio(r1, r0)
+    g = max(r0 - (k1 * r1 >> 14), 1)
+    k2 = ratio(r2 - (k1 * r1 >> 14), g)
+    return [k1 - (k1 * k2 >> 14), k2]
+
+
+class Clip:
+    def __init__(self, data):
+        assert data[:4] == b"MCLP"
+        version, zero, length = struct.unpack_from("<HHI", data, 4)
+        assert version == 1 and zero == 0
+        (crc,) = struct.unpack_from("<I", data, 12 + length)
+        assert crc == zlib.crc32(data[: 12 + length])
+        self.read_header(data[12 : 12 + length])
+        self.blocks = data[16 + length :]
+
+    def read_header(self, header):
+        fields = Fields(header)
+        self.rate = fields.varint(), fields.varint()
+        self.frames, m, self.block_bytes = fields.varint(), fields.varint(), fields.varint()
+        self.ram, self.delay, self.codec, entropy = fields.varint(), fields.varint(), fields.u8(), fields.u8()
+        self.parameters, self.tables, self.cycles = fields.bytes(), fields.bytes(), fields.bytes()
+        self.channels = [Channel(fields) for _ in range(m)]
+        assert fields.at == len(header) and min(self.rate) >= 1 and self.frames >= 1 and m >= 1
+        self.source = FixedWidth() if entropy == FIXED else [Huffman, AdaptiveHuffman][entropy - 1](self.tables)
+
+    def decode(self):
+        at = frame = 0
+        while frame < self.frames:
+            N, n, first, crc = struct.unpack_from("<HHII", self.blocks, at)
+            codes = self.blocks[at + 12 : at + 12 + N]
+            assert N <= self.block_bytes and crc == zlib.crc32(self.blocks[at : at + 8] + codes)
+            assert first & 2**31 - 1 == frame and n >= 1
+            bits = Bits(codes)
+            yield from self.block(bits, n, first >> 31)
+            assert (bits.at + 7) // 8 == N
+            at += 12 + N
+            frame += n
+        assert frame == self.frames and at == len(self.blocks)
+
+    def block(self, bits, n, entry):
+        for i in range(n):
+            if entry and i == 0:
+                self.enter(bits)
+                if self.codec != PCM:
+                    yield [state.x1 for state in self.states]
+                    continue
+            self.number += 1
+            for c, state in enumerate(self.states):
+                if state.bits:
+                    self.next(c, state, self.source.symbol(bits, state))
+            yield [state.x1 for state in self.states]
+
+    def enter(self, bits):
+        self.number = 0
+        self.source.reset()
+        self.states = []
+        for channel in self.channels:
+            width = 0 if self.codec == PCM else (channel.high - channel.low >> channel.shift).bit_length()
+            self.states.append(State(channel, wrap(channel.low + (bits.take(width) << channel.shift))))
+
+    def next(self, c, state, s):
+        x1, x2, (a1, a2) = state.x1, state.x2, state.alpha
+        window = self.parameters[10] if self.codec == ADPCM else 0
+        if self.codec == PCM:
+            delta = a1 << state.step
+            x = state.low + s * delta + (delta >> 1)
+        elif self.codec == MULAW:
+            levels = list(struct.unpack(f"<{len(self.parameters) // 2}H", self.parameters))
+            B = len(levels).bit_length()
+            m, spread = s // 2, 1 << (B - state.bits)
+            level = [levels[i * spread] if i * spread < len(levels) else 65536 for i in (m, m + 1)]
+            d = 2 * scale(step(state.step), min(sum(level) // 4, 32767))
+            x = 4 * scale(x1, a1) + (d if s % 2 == 0 else -d)
+        elif self.codec == QMD:
+            levels = struct.unpack(f"<{len(self.parameters) // 2}h", self.parameters)
+            x = x1 + (16 * scale(step(state.step), levels[s]) if s < len(levels) else 0)
+        else:
+            if window:
+                p = x1 + (wrap(a1 * state.d1 + a2 * state.d2) >> 9)
+            else:
+                order = self.parameters[0] if self.codec == DPCM else 2
+                p = [x1, 4 * scale(x1, a1), 4 * (scale(x1, a1) + scale(x2, a2))][order]
+            x = p + signed(s) * step(state.step)
+            if self.codec == ADPCM:
+                multipliers = struct.unpack_from("<8b", self.parameters)
+                lowest, highest = self.parameters[8:10]
+                by = multipliers[min(abs(signed(s)) * 16 >> state.bits, 7)]
+                state.step = max(min(clamp(state.step + by, 0, 255), highest), lowest)
+        state.x1, state.x2 = wrap(x), x1
+        if window:
+            e = clamp(wrap(state.x1 - x1) >> 5, -32768, 32767)
+            for i, before in enumerate([e, state.d1, state.d2]):
+                state.r[i] += (e * before - state.r[i]) >> window
+            state.d1, state.d2 = e, state.d1
+            if (self.number + c) % (1 << self.parameters[11]) == 0:
+                state.alpha = solve(state.r)
+
+
+def digest(data):
+    sha = hashlib.sha256()
+    for frame in Clip(data).decode():
+        sha.update(struct.pack(f"<{len(frame)}i", *frame))
+    return sha.hexdigest()
+
+
+def varint(x):
+    out = b""
+    while x > 127:
+        out += bytes([x & 127 | 128])
+        x >>= 7
+    return out + bytes([x])
+
+
+def zigzag(x):
+    return varint(2 * x if x >= 0 else -2 * x - 1)
+
+
+def slice_of(data):
+    return varint(len(data)) + data
+
+
+def record(rng, name, low, high, shift, bits, step, group=0, alpha=(16384, 0)):
+    numbers = zigzag(low) + zigzag(high) + bytes([shift, bits, step, group])
+    return slice_of(name.encode()) + bytes([rng.randrange(2)]) + numbers + zigzag(alpha[0]) + zigzag(alpha[1])
+
+
+def make(rng, codec, entropy, parameters, tables, records, blocks, ones=0.5):
+    """A clip of random codes, of which `ones` are 1; `blocks` has the frames of each, negative for no entry point."""
+    m = len(records)
+    ram = 16 * m * (2 if codec == ADPCM and parameters[10] else 1)
+    if entropy == HUFFMAN:
+        ram += tables[1] * tables[2] << (tables[0] + 1)
+    if entropy == ADAPTIVE:
+        ram += (12 << tables[0]) - 6
+
+    def header(block_bytes):
+        fields = varint(30000) + varint(1001) + varint(sum(map(abs, blocks))) + varint(m) + varint(block_bytes)
+        fields += varint(ram) + varint(0) + bytes([codec, entropy])
+        fields += slice_of(parameters) + slice_of(tables) + slice_of(b"") + b"".join(records)
+        return fields
+
+    # Any bits are codes: decode, and see how many were used.
+    clip = Clip.__new__(Clip)
+    clip.read_header(header(0))
+    data, longest, frame = b"", 0, 0
+    for n in blocks:
+        entry, n = n > 0, abs(n)
+        length = 8 + n * m * 5
+        codes = bytes(sum((rng.random() < ones) << i for i in range(8)) for _ in range(length))
+        bits = Bits(codes)
+        for _ in clip.block(bits, n, entry):
+            pass
+        used = (bits.at + 7) // 8
+        assert used <= length
+        codes = bytearray(codes[:used])
+        if bits.at % 8:
+            codes[-1] &= 0xFF << (8 - bits.at % 8) & 0xFF
+        head = struct.pack("<HHI", used, n, frame | entry << 31)
+        data += head + struct.pack("<I", zlib.crc32(head + codes)) + codes
+        longest, frame = max(longest, used), frame + n
+    fields = header(longest)
+    head = b"MCLP" + struct.pack("<HHI", 1, 0, len(fields)) + fields
+    return head + struct.pack("<I", zlib.crc32(head)) + data
+
+
+def described(*codes):
+    """Code lengths, the escape's last, as tables have them."""
+    out = b""
+    for lengths in codes:
+        padded = lengths + [0] * (len(lengths) % 2)
+        out += bytes([len(lengths)]) + bytes(a | b << 4 for a, b in zip(padded[::2], padded[1::2]))
+    return out
+
+
+def vectors():
+    rng = random.Random(7)
+    low, high = -(2**31), 2**31 - 1
+    mulaw = struct.pack("<16H", *(round(65536 * ((1 + 255) ** (i / 16) - 1) / 255) for i in range(16)))
+    mulaw9 = struct.pack("<256H", *(round(65536 * ((1 + 30) ** (i / 256) - 1) / 30) for i in range(256)))
+    levels = struct.pack("<8h", 0, -900, 1000, 4096, -4000, 32767, -32768, 12345)
+    adapts = bytes([256 - 2, 256 - 1, 0, 1, 2, 4, 6, 8]) + bytes([0, 199])
+    bounded = bytes([128, 127, 200, 3, 99, 127, 128, 127]) + bytes([60, 140])
+    still = bytes(8) + bytes([0, 199])
+    books = bytes([6, 2, 2]) + described([1, 3, 3, 3, 4, 5, 6, 6], [2, 2, 3, 3, 3, 4, 0, 5, 6, 6])
+    books += bytes([0, 2]) + described([1, 1])
+    deep = bytes([12, 1, 1]) + described([1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 12])
+    wide = bytes([8, 8, 1]) + described(*([[2, 2, 2, 3, 4, 5, 6, 7, 8, 8] for _ in range(8)]))
+
+    def some(*bits, groups=1, steps=(90, 110)):
+        alphas = [(16384, 0), (16000, 0), (29000, -13000), (-9000, 4000)]
+        return [
+            record(
+                rng,
+                f"channel {i}",
+                rng.randrange(-180, 0) << 16,
+                rng.randrange(0, 180) << 16,
+                rng.randrange(0, 16),
+                b,
+                rng.randrange(*steps),
+                i % groups,
+                alphas[i % 4],
+            )
+            for i, b in enumerate(bits)
+        ]
+
+    def grids(*bits):
+        return [record(rng, f"grid {i}", rng.randrange(-(2**23), 0), 2**23, 0, b, 3, 0, (1000 + i, 0)) for i, b in enumerate(bits)]
+
+    edges = [
+        record(rng, "all", low, high, 0, 16, 199, 0, (32767, -32768)),
+        record(rng, "least", low, low, 31, 16, 199, 0, (-32768, -32768)),
+        record(rng, "most", high, high, 0, 1, 199, 0, (32767, 32767)),
+        record(rng, "shifted", low, high, 31, 7, 0, 0, (16384, 0)),
+        record(rng, "still", 5, 5, 0, 0, 0),
+    ]
+    edge_grids = [
+        record(rng, "all", low, high, 0, 16, 15, 0, (32767, 0)),
+        record(rng, "negative", high, high, 0, 8, 15, 0, (-32768, 0)),
+        record(rng, "still", low, high, 0, 0, 0, 0, (9, 0)),
+    ]
+    made = {
+        "pcm": make(rng, PCM, FIXED, b"", b"", grids(6, 0, 8, 13), [9, 5, -6]),
+        "pcm-huffman": make(rng, PCM, HUFFMAN, b"", wide, grids(6, 4, 8), [12, -9]),
+        "pcm-adaptive-huffman": make(rng, PCM, ADAPTIVE, b"", bytes([4]), grids(6, 4, 8), [40]),
+        "pcm-edges": make(rng, PCM, FIXED, b"", b"", edge_grids, [7, 1]),
+        "mulaw": make(rng, MULAW, FIXED, mulaw, b"", some(5, 3, 1), [12, 8]),
+        "mulaw-nine-bits": make(rng, MULAW, HUFFMAN, mulaw9, deep, some(9, 8, 2), [15]),
+        "mulaw-one-level": make(rng, MULAW, FIXED, b"\0\0", b"", some(1, 1), [15]),
+        "dpcm-last": make(rng, DPCM, FIXED, bytes([0]), b"", some(4, 8, 1, 0, 16), [11, -3, 6]),
+        "dpcm-first": make(rng, DPCM, HUFFMAN, bytes([1]), books, some(4, 8, 3, groups=2), [11, -7, 6]),
+        "dpcm-second": make(rng, DPCM, HUFFMAN, bytes([2]), wide, some(6, 6, 6, 6), [30, -20], ones=0.3),
+        "dpcm-adaptive-huffman": make(rng, DPCM, ADAPTIVE, bytes([2]), bytes([5]), some(6, 7, 4), [30, -60, 20], ones=0.4),
+        "dpcm-counting-ends": make(rng, DPCM, ADAPTIVE, bytes([0]), bytes([1]), some(1, 2), [16500], ones=0.1),
+        "dpcm-edges": make(rng, DPCM, FIXED, bytes([2]), b"", edges, [40, 1]),
+        "dpcm-escapes": make(rng, DPCM, HUFFMAN, bytes([0]), deep, some(16, 8), [20], ones=0.9),
+        "dpcm-one-channel": make(rng, DPCM, FIXED, bytes([0]), b"", some(3), [1]),
+        "dpcm-no-codes": make(rng, DPCM, FIXED, bytes([0]), b"", [record(rng, "", 7, 7, 0, 0, 0)], [3, -2, 4]),
+        "dpcm-many-channels": make(rng, DPCM, HUFFMAN, bytes([1]), wide, some(*[4] * 300), [2]),
+        "adpcm-step": make(rng, ADPCM, FIXED, adapts + bytes([0, 0]), b"", some(3, 4, 8, 1, 0), [40, 20]),
+        "adpcm-bounded-step": make(rng, ADPCM, ADAPTIVE, bounded + bytes([0, 0]), bytes([8]), some(3, 4, 16), [40]),
+        "adpcm-predictor": make(rng, ADPCM, HUFFMAN, still + bytes([4, 2]), wide, some(6, 6, 6), [60, -30, 30], ones=0.3),
+        "adpcm-both": make(rng, ADPCM, FIXED, adapts + bytes([5, 0]), b"", some(3, 4, 2), [90]),
+        "adpcm-edges": make(rng, ADPCM, FIXED, adapts + bytes([1, 1]), b"", edges, [60]),
+        "adpcm-long-window": make(rng, ADPCM, FIXED, still + bytes([14, 3]), b"", edges, [60]),
+        "qmd": make(rng, QMD, FIXED, levels, b"", some(3, 3, 2, 4), [25, -8]),
+        "qmd-huffman": make(rng, QMD, HUFFMAN, levels, wide, some(3, 3, 3), [25, 30]),
+    }
+    return {f"{name}.mclip": clip for name, clip in made.items()}
+
+
+def main(arguments):
+    match arguments:
+        case ["hash", *files] if files:
+            for file in files:
+                print(digest(Path(file).read_bytes()), "", Path(file).name)
+        case ["make", folder]:
+            lines = []
+            for name, clip in vectors().items():
+                (Path(folder) / name).write_bytes(clip)
+                lines.append(f"{digest(clip)}  {name}\n")
+            (Path(folder) / "SHA256SUMS.mclip").write_text("".join(lines))
+        case _:
+            sys.exit(__doc__)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
