@@ -1,11 +1,12 @@
 //! Puts the clip into the image, and as much memory as its decoder needs.
 //!
 //! - `BUNRAKU_CLIP`: path of a .qmd; a golden vector unless given
+//! - `BUNRAKU_MCLIP`: path of a .mclip, for the image `decode-mclip`; a golden vector unless given
 //! - `BUNRAKU_TABLE`: `none` to lend the decoder no memory for its table
 //! - `BUNRAKU_MAP`: path of a joint map as postcard bytes, for the image `tick`
 //! - `BUNRAKU_NOPS`: instructions to waste in every frame, so that tests have a slower decoder to find
 
-use decoder_core::{Limits, qmd::Clip};
+use decoder_core::{Limits, mclip, qmd::Clip};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
@@ -29,6 +30,7 @@ fn main() {
     let nops = format!("/// Instructions to waste in every frame.\nconst NOPS: usize = {nops};\n");
     write(&out, "nops.rs", nops.as_bytes());
     write(&out, "clip.qmd", &bytes);
+    mclip(&out);
     if env::var_os("CARGO_FEATURE_TICK").is_some() {
         let map = variable("BUNRAKU_MAP").expect("the image `tick` needs a map: set BUNRAKU_MAP");
         write(&out, "map.postcard", &read(Path::new(&map)));
@@ -39,6 +41,19 @@ fn main() {
     for argument in ["--nmagic", "-Tlink.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
+}
+
+/// The clip of the image `decode-mclip`.
+fn mclip(out: &Path) {
+    let path = variable("BUNRAKU_MCLIP")
+        .unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/dpcm-many-channels.mclip"));
+    let bytes = read(Path::new(&path));
+    let clip = mclip::Clip::parse(&bytes, Limits::MAX).unwrap_or_else(|error| panic!("{path}: {error}"));
+    let needs = clip.header().needs();
+    let sizes = [("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)]
+        .map(|(name, size)| format!("/// Elements that the decoder needs.\nconst {name}: usize = {size};\n"));
+    write(out, "mclip_sizes.rs", sizes.concat().as_bytes());
+    write(out, "clip.mclip", &bytes);
 }
 
 fn variable(name: &str) -> Option<String> {

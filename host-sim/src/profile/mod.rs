@@ -38,6 +38,24 @@ pub fn images(clip: &[u8], targets: &[&str], lent: bool) -> Result<Vec<Vec<u8>>>
     image.build()
 }
 
+/// Builds the image that decodes `clip`, a .mclip, for each of Rust's `targets`.
+///
+/// # Errors
+/// As [`Image::build`].
+pub fn mclip_images(clip: &[u8], targets: &[&str]) -> Result<Vec<Vec<u8>>> {
+    let image = Image {
+        package: "profile-image",
+        source: "tests/profile-image",
+        binary: "decode-mclip",
+        features: "",
+        targets,
+        folder: "profile",
+        files: &[("BUNRAKU_MCLIP", "clip.mclip", clip)],
+        variables: &[],
+    };
+    image.build()
+}
+
 /// Builds the image that plays `clip` on the servos of a joint map, given as its bytes, as [`images`] does. What is
 /// measured of it is a tick.
 ///

@@ -1,0 +1,67 @@
+//! Decodes the linked-in .mclip from the first frame to the last, and nothing else: `decode.rs` for clips in blocks.
+#![no_std]
+#![no_main]
+
+use core::hint::black_box;
+use core::panic::PanicInfo;
+use cortex_m_rt::entry;
+use decoder_core::mclip::{Clip, Decoder, Memory, State};
+use decoder_core::predict::Correlation;
+use decoder_core::{Error, I16F16, Limits};
+
+include!(concat!(env!("OUT_DIR"), "/mclip_sizes.rs"));
+
+static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip.mclip"));
+
+#[entry]
+fn main() -> ! {
+    static mut POSE: [I16F16; CHANNELS] = [I16F16::ZERO; CHANNELS];
+    static mut STATES: [State; CHANNELS] = [State::EMPTY; CHANNELS];
+    static mut CORRELATION: [Correlation; CORRELATIONS] = [Correlation::EMPTY; CORRELATIONS];
+    static mut CODES: [u16; WORDS] = [0; WORDS];
+    let memory = Memory { pose: POSE, states: STATES, correlations: CORRELATION, words: CODES };
+    // A decoder for just this clip would be faster than one for any: hide which clip it is.
+    let mut opened = open(black_box(CLIP), memory);
+    let Ok(decoder) = &mut opened else { failed() };
+    while let Some(pose) = decode_frame(decoder) {
+        black_box(pose);
+    }
+    finished()
+}
+
+/// Checks the clip and makes its decoder, which builds the tables of the entropy stage.
+#[inline(never)]
+#[unsafe(no_mangle)]
+fn open(bytes: &'static [u8], memory: Memory<'static>) -> Result<Decoder<'static, 'static>, Error> {
+    Clip::parse(bytes, Limits::MAX)?.decoder(memory)
+}
+
+/// What is measured: one frame, and the checksum of a block where it begins one.
+#[inline(never)]
+#[unsafe(no_mangle)]
+fn decode_frame<'d>(decoder: &'d mut Decoder<'_, '_>) -> Option<&'d [I16F16]> {
+    decoder.next_frame().ok().flatten()
+}
+
+/// Where the image ends up when all went well.
+#[inline(never)]
+#[unsafe(no_mangle)]
+fn finished() -> ! {
+    loop {
+        black_box(());
+    }
+}
+
+/// Where it ends up otherwise.
+#[inline(never)]
+#[unsafe(no_mangle)]
+fn failed() -> ! {
+    loop {
+        black_box(1);
+    }
+}
+
+#[panic_handler]
+fn panic(_: &PanicInfo<'_>) -> ! {
+    failed()
+}
