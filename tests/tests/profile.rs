@@ -132,15 +132,15 @@ fn sixty_two_channels_take_as_many_cycles_as_they_may() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    // M0+ has byte loads only where rows and tables are not aligned, and half of the registers: its limits are what
-    // was reached, and a little.
+    // The limits of M4 are what QMD is to reach. Those of M0+ are 3 % more than it reaches: its goals of 1000, 760 and
+    // 2600 cycles are not met.
     for (fdf, table, core_name, most) in [
         (6, "lent", "cortex-m4", 750.0),
         (0, "lent", "cortex-m4", 650.0),
         (6, "none", "cortex-m4", 1700.0),
-        (6, "lent", "cortex-m0plus", 1060.0),
-        (0, "lent", "cortex-m0plus", 875.0),
-        (6, "none", "cortex-m0plus", 3050.0),
+        (6, "lent", "cortex-m0plus", 1065.0),
+        (0, "lent", "cortex-m0plus", 866.0),
+        (6, "none", "cortex-m0plus", 3091.0),
     ] {
         let path = folder.path().join("clip.qmd");
         clip(&path, 100, 62, fdf);
@@ -192,8 +192,8 @@ fn a_tick_of_20_servos_takes_at_most_6000_cycles_on_m4() {
     assert!(runner.next_frame(1).unwrap().is_none());
     let measured = runner.finish();
     let worst = measured.frame_cycles.iter().copied().max().unwrap();
-    assert!(worst <= 6000 && worst > 1000, "{worst} cycles");
-    println!("a tick: at most {worst} cycles; {:?}", measured.functions);
+    assert!(worst <= 6000 && worst > 1000, "{worst} cycles; of all ticks: {:?}", measured.functions);
+    println!("a tick: at most {worst} cycles");
     assert_eq!(ticks, 120);
 }
 

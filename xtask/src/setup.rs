@@ -6,7 +6,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-/// Cortex-M0 and M0+, M3, M4 without FPU, M33, and browsers.
+/// Cortex-M0 and M0+, M3, M4 and M33 without FPU, and browsers.
 const TARGETS: [&str; 5] = [
     "thumbv6m-none-eabi",
     "thumbv7m-none-eabi",

@@ -42,18 +42,21 @@ pub(super) fn convert(floats: &[[u8; 4]], words: &mut [i32]) {
 /// Adds one row to `pose`. `row` has [`Layout::row_bytes`] bytes, `pose` an element a channel, the table
 /// [`Layout::table_len`] entries; whatever is missing in one of them leaves channels as they were.
 ///
-/// Each loop below is a function of its own, never inlined: together they would share registers, and the hot one
-/// would keep its pointers on the stack.
+/// The loops over a table are functions of their own, never inlined: together they would share registers, and the
+/// hot one would keep its pointers on the stack.
 #[inline]
 pub(super) fn add(layout: Layout, row: &[u8], table: Table<'_>, pose: &mut [I16F16]) {
-    let fixed_channels = usize::from(layout.fixed_channels);
-    let (Some((floats, indices)), Some((exact, looked_up))) =
-        (row.split_at_checked(fixed_channels.wrapping_mul(4)), pose.split_at_mut_checked(fixed_channels))
-    else {
-        return;
-    };
-    if fixed_channels > 0 {
+    let (mut indices, mut looked_up) = (row, pose);
+    if layout.fixed_channels > 0 {
+        let fixed_channels = usize::from(layout.fixed_channels);
+        let (Some((floats, rest)), Some((exact, others))) = (
+            indices.split_at_checked(fixed_channels.wrapping_mul(4)),
+            looked_up.split_at_mut_checked(fixed_channels),
+        ) else {
+            return;
+        };
         add_floats(exact, floats);
+        (indices, looked_up) = (rest, others);
     }
     match table {
         Table::Narrow(words) => add_words(looked_up, indices, words),
@@ -87,8 +90,8 @@ fn add_words(values: &mut [I16F16], indices: &[u8], words: &[i32; NARROW]) {
     }
 }
 
-/// Adds floats to each value.
-#[inline(never)]
+/// Adds floats to each value. Few channels are floats, so a call would cost as much as one of them.
+#[inline(always)]
 fn add_floats(values: &mut [I16F16], floats: &[u8]) {
     let (floats, _) = floats.as_chunks::<4>();
     add_each(values, floats, |&float| fixed(float));

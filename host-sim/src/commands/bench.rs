@@ -7,12 +7,14 @@ use host_sim::files;
 use host_sim::peers::{self, Entry, LEFT_OUT, Method};
 use host_sim::thumb::Core;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::path::PathBuf;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
 /// Compare with what else is at hand.
 #[derive(clap::Args)]
+#[command(after_help = "Example:\n  bunraku bench peers")]
 pub struct Args {
     #[command(subcommand)]
     what: What,
@@ -69,7 +71,9 @@ fn peers(args: PeersArgs) -> Result<ExitCode> {
     }
     bar.finish_and_clear();
     if let Some(path) = &args.plot {
-        let svg = peers::plot(&format!("{name}: {frames} frames of {channels} channels"), &entries)?;
+        let title = args.input.as_deref().and_then(Path::file_name).unwrap_or(OsStr::new(&name));
+        let title = format!("{}: {frames} frames of {channels} channels", title.display());
+        let svg = peers::plot(&title, &entries)?;
         files::write(path, |file| Ok(file.write_all(svg.as_bytes())?))?;
     }
     if args.json {

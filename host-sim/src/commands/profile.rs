@@ -14,7 +14,7 @@ use host_sim::thumb::Core;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Count what decoding a clip costs on a microcontroller: cycles, stack, flash, RAM, energy.
 ///
@@ -30,8 +30,8 @@ pub struct Args {
     /// Cores, separated by commas, or all. Unless given: a part's core, or cortex-m0plus and cortex-m4.
     #[arg(long, value_name = "CORES", value_delimiter = ',', value_parser = core)]
     core: Vec<Cores>,
-    /// The clock, for shares of a frame's time; 64MHz unless given.
-    #[arg(long, value_name = "FREQUENCY", value_parser = frequency, conflicts_with = "part")]
+    /// The clock, for shares of a frame's time. Unless given: a part's, or 64MHz.
+    #[arg(long, value_name = "FREQUENCY", value_parser = frequency)]
     clock: Option<f64>,
     /// Frames per second, instead of the clip's own rate.
     #[arg(long, value_name = "F", value_parser = positive)]
@@ -119,13 +119,26 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let Some(rate_hz) = args.rate.or((own_rate > 0.0).then_some(own_rate)) else {
         bail!("{name} does not say its frame rate: give one with --rate");
     };
+    if let (Some(part), Some(clock)) = (args.part, args.clock)
+        && part.clock_hz != clock
+    {
+        bail!(
+            "the currents of {} are for {} MHz, but --clock is {} MHz",
+            part.name,
+            part.clock_hz / 1e6,
+            clock / 1e6
+        );
+    }
     let cores = cores(&args);
+    if let Some(part) = args.part.filter(|part| !cores.contains(&part.core)) {
+        bail!("{} has a {}, which is not among the cores to profile", part.name, part.core.name());
+    }
     let images = build(&bytes, &cores, args.table)?;
 
     let bar = ProgressBar::new(u64::from(clip.frames()) * cores.len() as u64);
     bar.set_style(ProgressStyle::with_template("{wide_bar} {pos} of {len} frames, {msg}")?);
     let mut reports = Vec::new();
-    let (mut instructions, started) = (0, Instant::now());
+    let (mut instructions, mut simulated) = (0, Duration::ZERO);
     for (&core, image) in cores.iter().zip(&images) {
         bar.set_message(core.name());
         let mut pose = vec![I16F16::ZERO; clip.channels()];
@@ -133,6 +146,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let measured = measure::run(core, image, args.wait_states, decoder, &mut || bar.inc(1))
             .with_context(|| format!("{name} on {}", core.name()))?;
         instructions += measured.instructions;
+        simulated += measured.simulated;
         let clock_hz = args.part.map_or(args.clock.unwrap_or(64e6), |part| part.clock_hz);
         let mut report = CoreReport::new(core, image, measured, clip.channels(), clock_hz, rate_hz)?;
         let part = args.part.filter(|part| part.core == core);
@@ -140,7 +154,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         reports.push(report);
     }
     bar.finish_and_clear();
-    let seconds = started.elapsed().as_secs_f64();
+    let seconds = simulated.as_secs_f64();
     let layout = clip.layout();
     let report = Report {
         clip: name,

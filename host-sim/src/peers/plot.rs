@@ -9,8 +9,8 @@ const SIZE: (u32, u32) = (1000, 520);
 const OURS: RGBColor = RGBColor(212, 56, 13);
 const THEIRS: RGBColor = RGBColor(59, 116, 216);
 
-/// Draws the methods as SVG: bytes of the motion across, mean cycles of a frame upwards, one picture a core. Both
-/// scales are logarithmic; a bar goes up to the worst frame.
+/// Draws the methods as SVG: bytes of the motion across, mean cycles of a frame upwards, one picture a core. Cycles
+/// are on a logarithmic scale; a bar goes up to the worst frame.
 ///
 /// # Errors
 /// A sentence from the drawing library.
@@ -37,13 +37,14 @@ fn draw(svg: &mut String, title: &str, entries: &[Entry]) -> Result<(), Box<dyn 
             .margin(10)
             .x_label_area_size(36)
             .y_label_area_size(if number == 0 { 64 } else { 48 })
-            .build_cartesian_2d((bytes.0..bytes.1).log_scale(), (cycles.0..cycles.1).log_scale())?;
+            .build_cartesian_2d(0.0..bytes.1, (cycles.0..cycles.1).log_scale())?;
         chart
             .configure_mesh()
             .light_line_style(RGBColor(240, 240, 244))
             .bold_line_style(RGBColor(217, 221, 231))
             .x_desc("bytes of the motion")
             .y_desc(if number == 0 { "cycles a frame: mean, and up to the worst" } else { "" })
+            .x_labels(6)
             .x_label_formatter(&|value| format!("{value:.0}"))
             .y_label_formatter(&|value| format!("{value:.0}"))
             .draw()?;

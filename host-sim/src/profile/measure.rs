@@ -1,9 +1,10 @@
 //! Runs a bare image on the simulator, frame by frame.
 
 use super::flame::Node;
-use crate::thumb::{Board, Core, Image, Machine, Region, Stop};
+use crate::thumb::{Board, Core, Image, Machine, Region, SelfCycles, Stop};
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::{I16F16, qmd::Decoder};
+use std::time::{Duration, Instant};
 
 /// Cycles that one call of the image may take: more than any clip's table takes to convert.
 const LIMIT: u64 = 2_000_000_000;
@@ -25,12 +26,14 @@ pub struct Measured {
     pub stack_bytes: u32,
     /// Deepest stack of a frame, below where its function was called.
     pub frame_stack_bytes: u32,
-    /// Name, bytes and own cycles (all frames together) of the functions that frames are spent in.
-    pub functions: Vec<(String, u32, u64)>,
+    /// Own cycles, all frames together, of the functions that frames are spent in.
+    pub functions: Vec<SelfCycles>,
     /// The same by calls.
     pub flame: Node,
-    /// Instructions executed.
+    /// Instructions executed in frames.
     pub instructions: u64,
+    /// How long this machine took to simulate them.
+    pub simulated: Duration,
 }
 
 /// An image that decodes frames, stopped before the first one.
@@ -90,9 +93,13 @@ impl Runner {
     /// A fault of the image, or a frame that is not in memory.
     pub fn next_frame(&mut self, element: usize) -> Result<Option<&[u8]>> {
         let machine = &mut self.machine;
-        let before = machine.usage().cycles;
+        let before = machine.usage();
         let number = self.measured.frame_cycles.len();
-        match machine.call(self.decode_frame, &[self.state], before + LIMIT) {
+        let started = Instant::now();
+        let stop = machine.call(self.decode_frame, &[self.state], before.cycles + LIMIT);
+        self.measured.simulated += started.elapsed();
+        self.measured.instructions += machine.usage().instructions - before.instructions;
+        match stop {
             Ok(Stop::Returned) => {}
             Ok(Stop::Breakpoint(_)) => bail!("the image failed in frame {number}"),
             Ok(Stop::Limit) => bail!("frame {number} takes more than {LIMIT} cycles"),
@@ -103,7 +110,7 @@ impl Runner {
         if pointer == 0 {
             return Ok(None);
         }
-        self.measured.frame_cycles.push(machine.usage().cycles - before);
+        self.measured.frame_cycles.push(machine.usage().cycles - before.cycles);
         let bytes = machine.memory.bytes(pointer, len.saturating_mul(element));
         let bytes =
             bytes.with_context(|| format!("frame {number} is at {pointer:#010x}, which is no memory"))?;
@@ -112,23 +119,14 @@ impl Runner {
 
     /// Ends, with all that was seen.
     pub fn finish(mut self) -> Measured {
-        let image = self.machine.image().clone();
         let usage = self.machine.usage();
         let depth = self.stack_top - self.machine.cpu.r[13];
         let paths = self.machine.call_paths();
-        let decode_frame = image.function_at(self.decode_frame).and_then(|at| image.functions().get(at));
-        let frame =
-            decode_frame.and_then(|function| paths.iter().position(|path| path.name == function.name));
+        // Frames are called by the host, on the first path.
+        let frame = paths.iter().position(|path| path.parent == Some(0)).unwrap_or(0);
         let mut measured = self.measured;
-        measured.flame = Node::of(&paths, frame.unwrap_or(paths.len()));
-        let mut functions = Vec::new();
-        measured.flame.own_cycles(&mut functions);
-        let size = |name: &str| {
-            image.functions().iter().find(|function| function.name == name).map_or(0, |found| found.size)
-        };
-        measured.functions =
-            functions.into_iter().map(|(name, cycles)| (name.clone(), size(&name), cycles)).collect();
-        measured.instructions = usage.instructions;
+        measured.flame = Node::of(&paths, frame);
+        measured.functions = self.machine.functions();
         measured.frame_stack_bytes = usage.stack;
         measured.stack_bytes = measured.stack_bytes.max(depth + usage.stack);
         measured

@@ -154,15 +154,14 @@ impl CoreReport {
         let max = sorted.last().copied().unwrap_or(0);
         // Nearest rank: the smallest value that at least 99 % do not exceed.
         let p99 = sorted.get((sorted.len() * 99).div_ceil(100).saturating_sub(1)).copied().unwrap_or(0);
-        let mut functions: Vec<Function> = (measured.functions.into_iter())
-            .map(|(name, bytes, cycles)| Function {
-                name,
-                bytes,
-                self_cycles: cycles as f64 / count,
-                share: cycles as f64 / total.max(1) as f64,
+        let functions = (measured.functions.into_iter())
+            .map(|function| Function {
+                name: function.name,
+                bytes: function.bytes,
+                self_cycles: function.cycles as f64 / count,
+                share: function.cycles as f64 / total.max(1) as f64,
             })
             .collect();
-        functions.sort_by(|a, b| b.self_cycles.total_cmp(&a.self_cycles));
         Ok(Self {
             core: core.name(),
             tolerance: core.tolerance(),
@@ -237,12 +236,13 @@ impl Budget {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::thumb::SelfCycles;
 
     fn report(frame_cycles: Vec<u64>) -> CoreReport {
         let own = std::fs::read(std::env::current_exe().unwrap()).unwrap();
         let measured = Measured {
             frame_cycles,
-            functions: vec![("small".to_owned(), 2, 100), ("large".to_owned(), 4, 400)],
+            functions: vec![SelfCycles { name: "large".to_owned(), bytes: 4, cycles: 400 }],
             ..Measured::default()
         };
         CoreReport::new(Core::M4, &own, measured, 10, 1e6, 100.0).unwrap()

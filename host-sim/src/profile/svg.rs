@@ -52,8 +52,8 @@ pub fn frames(page: &mut dyn Write, cycles: &[u64], mean: f64, worst: usize) -> 
         let last = first + chunk.len() - 1;
         let most = chunk.iter().copied().max().unwrap_or(0);
         let (left, right) = (x(first as f64), x((last + 1) as f64));
-        // A hair's breadth between bars, where they are wide enough for one.
-        let gap = if right - left > 3.0 { 0.6 } else { 0.0 };
+        // A hair's breadth between bars where they are wide enough for one; narrow ones overlap by as much.
+        let gap = if right - left > 4.0 { 0.6 } else { -0.6 };
         let class = if (first..=last).contains(&worst) { "worst" } else { "frames" };
         let which = if first == last {
             format!("frame {first}")
@@ -142,7 +142,7 @@ fn node(page: &mut dyn Write, node: &Node, scale: Scale, left: f64, depth: usize
          width=\"{:.2}\" height=\"{}\" rx=\"2\" fill=\"hsl({hue} 70% 74%)\"/>",
         node.cycles as f64 / scale.frames,
         node.cycles as f64 / scale.total * 100.0,
-        node.itself() as f64 / scale.frames,
+        node.itself as f64 / scale.frames,
         (width - 1.0).max(0.4),
         ROW - 2.0,
     )?;

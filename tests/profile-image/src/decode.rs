@@ -51,7 +51,7 @@ fn decode_frame<'d>(decoder: &'d mut Decoder<'_, '_>) -> Option<&'d [I16F16]> {
 
 #[inline(always)]
 fn waste() {
-    if NOPS > 0 {
+    if NOPS != 0 {
         // SAFETY: does nothing, several times.
         unsafe { core::arch::asm!(".rept {}", "nop", ".endr", const NOPS) };
     }

@@ -58,7 +58,7 @@ fn special(arch: Arch, first: u32, second: u32) -> Insn {
             _ => Insn::new(Op::Nop, Class::Nop, 4),
         },
         0b0111011 if first & 0xf == 0xf && second & 0xff00 == 0x8f00 => match bits(second, 4, 4) {
-            2 if arch >= Arch::V7M => Insn::new(Op::Clrex, Class::Control, 4),
+            2 if arch >= Arch::V7M && second & 0xf == 0xf => Insn::new(Op::Clrex, Class::Control, 4),
             4..=6 => Insn::new(Op::Barrier, Class::Barrier, 4),
             _ => undefined(4),
         },
