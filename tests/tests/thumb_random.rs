@@ -1,7 +1,8 @@
 //! Random instructions on the simulated cores and under QEMU: all registers and flags after each are the same.
 //!
 //! Half are variations of those in our own images (the test fails if some kind of instruction in them was not
-//! tried), half are drawn from all instructions that the core has. The image `random` runs them; see there.
+//! tried), half are drawn from all instructions that the core has. The image `random` runs them; see there. With
+//! another `BUNRAKU_SEED` other instructions are tried.
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, require_program, require_target, vectors, workspace};
@@ -49,6 +50,12 @@ impl Numbers {
     fn one_of<T: Copy>(&mut self, choices: &[T]) -> T {
         choices[self.below(choices.len() as u32) as usize]
     }
+}
+
+/// Where the numbers begin: `BUNRAKU_SEED`, an odd number, tries other instructions.
+fn seed() -> u64 {
+    let chosen = std::env::var("BUNRAKU_SEED").ok().map_or(1, |text| text.parse::<u64>().unwrap());
+    0x9e37_79b9_7f4a_7c15u64.wrapping_mul(chosen)
 }
 
 /// A kind of instruction: what distinguishes the paths through the simulator.
@@ -402,10 +409,7 @@ fn compare(core: Core, machine: &str, board: &Board, instructions: usize, runs: 
     let mut elf = fs::read(cargo::image("calibration", "random", core.target(), "firmware", &[])).unwrap();
     let image = Image::parse(&elf).unwrap();
     let ram = image.symbol("ram_block").unwrap();
-    let mut numbers =
-        Numbers(std::env::var("SEED").map_or(0x9e37_79b9_7f4a_7c15, |s| {
-            s.parse::<u64>().unwrap().wrapping_mul(0x9e37_79b9_7f4a_7c15)
-        }));
+    let mut numbers = Numbers(seed());
     let sets = register_sets(core.arch(), &mut numbers, ram);
 
     // What may be reached while a case is tried: the code that is run and the scratch memory.
