@@ -4,11 +4,12 @@
 //! codes needs one check at its end instead of one at every code.
 
 /// Most bits that one call takes.
-pub const MAX_TAKE: u32 = 25;
+pub const MAX_TAKE: u32 = 16;
 
 /// A position in a slice of bytes.
 ///
-/// Up to four bytes are held in a word, so that a code costs two shifts, and a load for every byte.
+/// Up to four bytes are held in a word, two of which are fetched at a time, so that a code costs two shifts, and every
+/// second byte a branch and a load.
 #[derive(Clone, Debug)]
 pub struct BitReader<'a> {
     rest: &'a [u8],
@@ -16,8 +17,8 @@ pub struct BitReader<'a> {
     window: u32,
     /// Bits in `window`, those past the end included.
     held: u32,
-    /// Bits before `rest`, and past the end.
-    fetched: usize,
+    /// Bits past the end that were fetched.
+    missing: usize,
     /// Bits that there are.
     length: usize,
 }
@@ -25,14 +26,15 @@ pub struct BitReader<'a> {
 impl<'a> BitReader<'a> {
     /// Before the first bit of `bytes`.
     pub const fn new(bytes: &'a [u8]) -> Self {
-        Self { rest: bytes, window: 0, held: 0, fetched: 0, length: bytes.len().saturating_mul(8) }
+        Self { rest: bytes, window: 0, held: 0, missing: 0, length: bytes.len().saturating_mul(8) }
     }
 
     /// Before bit `position` of `bytes`; past the end where there are not so many.
     pub fn at(bytes: &'a [u8], position: usize) -> Self {
         let whole = position >> 3;
         let rest = bytes.get(whole..).unwrap_or_default();
-        let mut reader = Self { rest, fetched: whole.saturating_mul(8), ..Self::new(bytes) };
+        let missing = position.saturating_sub(bytes.len().saturating_mul(8)) & !7;
+        let mut reader = Self { rest, missing, ..Self::new(bytes) };
         reader.take((position & 7) as u32);
         reader
     }
@@ -64,7 +66,8 @@ impl<'a> BitReader<'a> {
 
     /// Bits taken since the start, those past the end included.
     pub const fn position(&self) -> usize {
-        self.fetched.wrapping_sub(self.held as usize)
+        let fetched = self.length.wrapping_sub(self.rest.len().wrapping_mul(8)).wrapping_add(self.missing);
+        fetched.wrapping_sub(self.held as usize)
     }
 
     /// Whether more bits were taken than there are.
@@ -72,17 +75,28 @@ impl<'a> BitReader<'a> {
         self.position() > self.length
     }
 
-    /// Fills the window to at least [`MAX_TAKE`] bits.
+    /// Adds 16 bits to a window that holds fewer.
     #[inline(always)]
     fn fetch(&mut self) {
-        while self.held < MAX_TAKE {
-            if let Some((&byte, rest)) = self.rest.split_first() {
+        let bits = match self.rest.split_first_chunk::<2>() {
+            Some((&bytes, rest)) => {
                 self.rest = rest;
-                self.window |= u32::from(byte).wrapping_shl(24u32.wrapping_sub(self.held));
+                u16::from_be_bytes(bytes)
             }
-            self.held = self.held.wrapping_add(8);
-            self.fetched = self.fetched.wrapping_add(8);
-        }
+            None => self.fetch_last(),
+        };
+        self.window |= u32::from(bits).wrapping_shl(16u32.wrapping_sub(self.held));
+        self.held = self.held.wrapping_add(16);
+    }
+
+    /// The last byte and zeros, or zeros alone.
+    #[cold]
+    #[inline(never)]
+    fn fetch_last(&mut self) -> u16 {
+        let last = self.rest.first().copied();
+        self.rest = &[];
+        self.missing = self.missing.saturating_add(if last.is_some() { 8 } else { 16 });
+        u16::from_be_bytes([last.unwrap_or(0), 0])
     }
 }
 

@@ -27,6 +27,7 @@ enum Command {
     Bench(commands::bench::Args),
     Table1(commands::table1::Args),
     Servos(commands::servos::Args),
+    Rd(commands::rd::Args),
 }
 
 /// Exit code of a check that failed, as against 2 for a usage error.
@@ -58,5 +59,6 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Bench(args) => commands::bench::run(args),
         Command::Table1(args) => commands::table1::run(args),
         Command::Servos(args) => commands::servos::run(args),
+        Command::Rd(args) => commands::rd::run(args),
     }
 }

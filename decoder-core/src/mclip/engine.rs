@@ -113,18 +113,16 @@ impl<'a, 's> Engine<'a, 's> {
     /// true for the first frame of an entry point.
     pub(super) fn decode(&mut self, codes: &[u8], position: usize, entry: bool) -> Result<usize, ()> {
         let Self { header, pose, states, correlations, source, frame } = self;
-        let mut bits = BitReader::at(codes, position);
+        let bits = BitReader::at(codes, position);
         let mut parts = Parts { header, pose, states, correlations, frame };
         if entry && let Source::Adaptive(tree) = source {
             tree.reset();
         }
-        match source {
-            Source::FixedWidth => {
-                parts.frame(entry, &mut Decode { bits: &mut bits, source: &mut FixedWidth });
-            }
-            Source::Huffman(huffman) => parts.frame(entry, &mut Decode { bits: &mut bits, source: huffman }),
-            Source::Adaptive(tree) => parts.frame(entry, &mut Decode { bits: &mut bits, source: tree }),
-        }
+        let bits = match source {
+            Source::FixedWidth => parts.decode(entry, bits, &mut FixedWidth),
+            Source::Huffman(huffman) => parts.decode(entry, bits, &mut { *huffman }),
+            Source::Adaptive(tree) => parts.decode(entry, bits, tree),
+        };
         if bits.overrun() { Err(()) } else { Ok(bits.position()) }
     }
 
@@ -147,6 +145,19 @@ struct Parts<'e, 'a> {
 }
 
 impl Parts<'_, '_> {
+    /// Decodes a frame and gives the bits that are left. The reader is the loop's own, so that it stays in registers.
+    #[inline(always)]
+    fn decode<'b, S: SymbolSource>(
+        &mut self,
+        entry: bool,
+        bits: BitReader<'b>,
+        source: &mut S,
+    ) -> BitReader<'b> {
+        let mut decode = Decode { bits, source };
+        self.frame(entry, &mut decode);
+        decode.bits
+    }
+
     #[inline(always)]
     fn frame<C: Choose>(&mut self, entry: bool, choose: &mut C) {
         let codec = self.header.codec();
@@ -182,7 +193,7 @@ impl Parts<'_, '_> {
 
 /// Symbols from the bits of a block.
 struct Decode<'d, 'b, S> {
-    bits: &'d mut BitReader<'b>,
+    bits: BitReader<'b>,
     source: &'d mut S,
 }
 
@@ -197,7 +208,7 @@ impl<S: SymbolSource> Choose for Decode<'_, '_, S> {
     #[inline(always)]
     fn symbol<Q: Quantise>(&mut self, _: usize, _: i32, _: &Q, state: &mut State) -> u32 {
         let width = state.bits();
-        self.source.symbol(self.bits, width, state.context())
+        self.source.symbol(&mut self.bits, width, state.context())
     }
 }
 

@@ -87,7 +87,7 @@ impl Settings {
                 CodecId::Pcm | CodecId::Qmd => Predictor::Last,
                 CodecId::MuLaw => Predictor::First,
                 CodecId::Dpcm => Predictor::Second,
-                CodecId::Adpcm => Predictor::Adaptive { window: 5, period: 2 },
+                CodecId::Adpcm => Predictor::Adaptive { window: 5, period: 4 },
             },
             adapt_step: false,
             multipliers: [-1, -1, 0, 0, 2, 4, 6, 8],

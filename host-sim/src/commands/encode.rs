@@ -63,7 +63,7 @@ pub struct Args {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Codec {
+pub enum Codec {
     /// Values in steps between two limits.
     Pcm,
     /// Differences in mu-law steps.
@@ -77,7 +77,8 @@ enum Codec {
 }
 
 impl Codec {
-    const fn id(self) -> CodecId {
+    /// As a header names it.
+    pub const fn id(self) -> CodecId {
         match self {
             Self::Pcm => CodecId::Pcm,
             Self::Mulaw => CodecId::MuLaw,
@@ -118,7 +119,8 @@ enum Adapt {
     Both,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+/// A number above 0.
+pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
         _ => Err(format!("found {text:?}, expected a number above 0")),

@@ -11,5 +11,6 @@ pub mod optimize;
 pub mod play;
 pub mod profile;
 pub mod qemu;
+pub mod rd;
 pub mod servos;
 pub mod table1;
