@@ -133,7 +133,6 @@ mod tests {
 
     #[test]
     fn the_lowest_level_of_a_bucket_counts_alone() {
-        // One bucket gets the numbers 10 (level 3), 10 (level 1)... so bunch them by taking very few numbers.
         let mut entry = Entry::default();
         for (number, level) in [(10, 3), (20, 2), (30, 2), (99, 4)] {
             entry.add(number, level, None);
