@@ -10,7 +10,8 @@
 //!
 //! Every combination with an entropy stage is compiled into a loop of its own.
 
-use super::header::{Channel, check};
+use super::header::check;
+use super::record::Channel;
 use crate::entropy::Context;
 use crate::error::{Error, Field};
 use crate::predict::{Correlation, First, Last, Predict, Second};

@@ -180,7 +180,7 @@ impl Parts<'_, '_> {
         let slots = self.pose.iter_mut().zip(self.states.iter_mut());
         let mut index = 0usize;
         for ((value, state), channel) in slots.zip(self.header.channels()) {
-            let bits = if has_values { channel.entry_bits() } else { 0 };
+            let bits = if has_values { channel.entry_bits.into() } else { 0 };
             let shift = channel.entry_shift;
             let steps = if bits == 0 { 0 } else { choose.entry(index, channel.low, shift, bits) };
             let first = channel.low.wrapping_add(steps.wrapping_shl(shift.into()).cast_signed());

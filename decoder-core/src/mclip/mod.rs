@@ -15,6 +15,7 @@ mod cursor;
 mod decoder;
 mod engine;
 mod header;
+mod record;
 mod stream;
 
 pub use block::{BLOCK_HEADER_BYTES, BlockHeader};
@@ -22,5 +23,6 @@ pub use clip::Clip;
 pub use codec::{Adaptation, Adpcm, Choose, Codec, CodecId, EntropyId, State};
 pub use decoder::Decoder;
 pub use engine::{Engine, Memory, Needs};
-pub use header::{Channel, Channels, Header, MAGIC, Opening, PREFIX_BYTES, Prefix, Unit, VERSION, checksum};
+pub use header::{Header, MAGIC, Opening, PREFIX_BYTES, Prefix, VERSION, checksum};
+pub use record::{Channel, ChannelKind, Channels, MANTISSA_BITS, Packing, Packings, entry_shift};
 pub use stream::{Receiver, Stream};
