@@ -342,3 +342,87 @@ fn number(bits: &mut BitReader<'_>) -> u32 {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::string::ToString;
+    use std::vec::Vec;
+
+    const CHANNEL: Channel<'_> = Channel {
+        joint: "rradius",
+        kind: ChannelKind::Rx,
+        low: -(40 << 16),
+        entry_bits: 10,
+        entry_shift: 13,
+        bits: 8,
+        step: 104,
+        group: 0,
+        coefficients: [ONE, 0],
+    };
+
+    #[test]
+    fn channels_are_named_by_joint_and_kind() {
+        assert_eq!(CHANNEL.to_string(), "rradius.rx");
+        assert_eq!(Channel { joint: "", kind: ChannelKind::Length, ..CHANNEL }.to_string(), "l");
+        for (id, kind) in ChannelKind::ALL.into_iter().enumerate() {
+            assert_eq!((usize::from(kind.id()), ChannelKind::from_id(id as u8)), (id, Some(kind)));
+        }
+        assert_eq!(ChannelKind::from_id(7), None);
+    }
+
+    #[test]
+    fn ranges_are_what_entry_values_and_codes_reach() {
+        assert_eq!(CHANNEL.high(false), (-40 << 16) + 1023 * 8192);
+        let grid = Channel { coefficients: [3000, 0], step: 2, ..CHANNEL };
+        assert_eq!(grid.high(true), (-40 << 16) + 256 * 12_000);
+        assert_eq!(Channel { entry_bits: 32, ..CHANNEL }.high(false), i32::MAX);
+        assert_eq!(Channel { entry_bits: 0, ..CHANNEL }.high(false), CHANNEL.low);
+    }
+
+    #[test]
+    fn entry_shifts_follow_the_octave_of_the_step() {
+        for step in 0..=199u8 {
+            let octave = crate::quantise::step::size(step).ilog2() as u8;
+            for precision in 0..16 {
+                assert_eq!(entry_shift(step, precision, false), octave.saturating_sub(precision));
+            }
+        }
+        assert_eq!(entry_shift(9, 3, true), 9);
+    }
+
+    #[test]
+    fn numbers_come_in_threes() {
+        let read = |bytes: &[u8]| {
+            let mut bits = BitReader::new(bytes);
+            (number(&mut bits), bits.position())
+        };
+        assert_eq!(read(&[0x70]), (7, 4));
+        assert_eq!(read(&[0x81]), (8, 8));
+        assert_eq!(read(&[0xff, 0xff, 0xff, 0xff, 0xff, 0x30]), (u32::MAX, 44));
+        // What is above 32 bits is dropped, for however long.
+        assert_eq!(read(&[0x9f; 100]), (read(&[0x9f; 6]).0, 804));
+        assert_eq!(read(&[0x8f, 0xff]).1, 20, "the end is read as zeros");
+    }
+
+    #[test]
+    fn packings_whose_sums_are_no_bytes_are_refused() {
+        for (least, width, sound) in
+            [(0, 8, true), (1, 8, false), (255, 0, true), (254, 1, true), (255, 1, false)]
+        {
+            assert_eq!(Packing { least, width }.is_sound(), sound);
+        }
+        assert!(!Packing { least: 0, width: 15 }.is_sound());
+    }
+
+    #[test]
+    fn predictors_are_pairs_and_the_last_value_where_there_are_none() {
+        let bytes: Vec<u8> = [1i16, -2, 300, -400].iter().flat_map(|part| part.to_le_bytes()).collect();
+        assert_eq!(pair(&bytes, 1, 9), Ok([300, -400]));
+        assert_eq!(pair(&[], 0, 9), Ok([ONE, 0]));
+        let error =
+            |found, high| Err(Error::Malformed { field: Field::Predictor, at: 9, found, low: 0, high });
+        assert_eq!(pair(&bytes, 2, 9), error(2, 1));
+        assert_eq!(pair(&[], 1, 9), error(1, 0));
+    }
+}

@@ -100,3 +100,122 @@ fn number(out: &mut BitWriter, mut value: u32) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::writer;
+    use super::*;
+    use decoder_core::Limits;
+    use decoder_core::mclip::{ChannelKind, CodecId, EntropyId, Header, Opening, entry_shift};
+
+    const NAMES: [&str; 4] = ["", "root", "lfemur", "名"];
+
+    fn opening(codec: CodecId, channels: usize) -> Opening<'static> {
+        Opening {
+            rate_numerator: 30,
+            rate_denominator: 1,
+            frames: 1,
+            channels: channels as u16,
+            block_bytes: 0,
+            ram: 0,
+            delay: 0,
+            codec: codec.id(),
+            entropy: EntropyId::FixedWidth.id(),
+            parameters: if codec == CodecId::Pcm { &[] } else { &[2] },
+            tables: &[],
+            cycles: &[],
+            predictors: &[],
+            records: &[],
+            names: &[],
+        }
+    }
+
+    fn check(codec: CodecId, channels: &[Channel<'_>], precision: u8) -> usize {
+        let bytes = writer::header(&opening(codec, channels.len()), channels, precision);
+        let header = Header::parse(&bytes, Limits::MAX).unwrap();
+        assert_eq!(header.channels().collect::<Vec<_>>(), channels);
+        bytes.len()
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let mut state = 1u64;
+        let mut below = |end: u64| {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) % end
+        };
+        for round in 0..500 {
+            let is_pcm = round % 5 == 0;
+            let precision = below(16) as u8;
+            let channels: Vec<Channel<'_>> = (0..=below(40))
+                .map(|index| {
+                    let step = below(if is_pcm { 16 } else { 200 }) as u8;
+                    let bits = below(17) as u8;
+                    let alpha = (below(300) as i16 * 100) - 15_000;
+                    let mut channel = Channel {
+                        joint: NAMES[(index as usize + round) % 4],
+                        kind: ChannelKind::ALL[below(7) as usize],
+                        low: 0,
+                        entry_bits: if is_pcm { 0 } else { below(33) as u8 },
+                        entry_shift: entry_shift(step, precision, is_pcm),
+                        bits,
+                        step,
+                        group: 0,
+                        coefficients: match (bits, is_pcm) {
+                            (0, _) => [ONE, 0],
+                            (_, true) => [below(32768) as i16, 0],
+                            _ => [alpha, -alpha],
+                        },
+                    };
+                    let low = below(1 << 32) as u32 as i32 >> below(32);
+                    channel.low = low.checked_shl(channel.low_shift()).unwrap_or(0);
+                    channel
+                })
+                .collect();
+            check(if is_pcm { CodecId::Pcm } else { CodecId::Dpcm }, &channels, precision);
+        }
+    }
+
+    #[test]
+    fn what_channels_share_costs_nothing() {
+        let channel = Channel {
+            joint: "",
+            kind: ChannelKind::Ry,
+            low: 0,
+            entry_bits: 9,
+            entry_shift: 12,
+            bits: 7,
+            step: 88,
+            group: 0,
+            coefficients: [ONE, 0],
+        };
+        let [few, many] = [1, 101].map(|count| check(CodecId::Dpcm, &vec![channel; count], 2));
+        // First of a joint, kind, and a low of zero. The length of the records takes two bytes then.
+        assert_eq!(many - few, 100 + 1);
+        let named = Channel { joint: "lfemur", ..channel };
+        let three = check(CodecId::Dpcm, &[named, named, named], 2);
+        assert_eq!(three - check(CodecId::Dpcm, &[channel; 3], 2), 7, "a joint is named once");
+    }
+
+    #[test]
+    fn more_predictors_than_a_byte_can_number_become_the_nearest() {
+        let channels: Vec<Channel<'_>> = (0..400)
+            .map(|index| Channel {
+                joint: "",
+                kind: ChannelKind::Rx,
+                low: 0,
+                entry_bits: 0,
+                entry_shift: 9,
+                bits: 4,
+                step: 64,
+                group: 0,
+                coefficients: [16_000 + index, 0],
+            })
+            .collect();
+        let bytes = writer::header(&opening(CodecId::Dpcm, 400), &channels, 2);
+        let header = Header::parse(&bytes, Limits::MAX).unwrap();
+        let found: Vec<i16> = header.channels().map(|channel| channel.coefficients[0]).collect();
+        assert!((0..256).all(|index| found[index as usize] == 16_000 + index));
+        assert!(found[256..].iter().all(|&alpha| alpha == 16_255));
+    }
+}
