@@ -38,11 +38,12 @@ pub fn images(clip: &[u8], targets: &[&str], lent: bool) -> Result<Vec<Vec<u8>>>
     image.build()
 }
 
-/// Builds the image that decodes `clip`, a .mclip, for each of Rust's `targets`.
+/// Builds the image that decodes `clip`, a .mclip, for each of Rust's `targets`. Its blocks are checked all before the
+/// first frame, or with `verify_blocks` each when it is entered.
 ///
 /// # Errors
 /// As [`Image::build`].
-pub fn mclip_images(clip: &[u8], targets: &[&str]) -> Result<Vec<Vec<u8>>> {
+pub fn mclip_images(clip: &[u8], targets: &[&str], verify_blocks: bool) -> Result<Vec<Vec<u8>>> {
     let image = Image {
         package: "profile-image",
         source: "tests/profile-image",
@@ -51,7 +52,7 @@ pub fn mclip_images(clip: &[u8], targets: &[&str]) -> Result<Vec<Vec<u8>>> {
         targets,
         folder: "profile",
         files: &[("BUNRAKU_MCLIP", "clip.mclip", clip)],
-        variables: &[],
+        variables: &[("BUNRAKU_VERIFY", if verify_blocks { "blocks" } else { "once" })],
     };
     image.build()
 }
