@@ -11,6 +11,7 @@ mod run;
 pub use plot::plot;
 pub use run::{Cost, Entry, LEFT_OUT, Method, PACKERS, Packer, run};
 
+use crate::profile::measure::Expected;
 use anyhow::{Result, bail};
 use encoder::{Clip, Motion};
 
@@ -80,6 +81,12 @@ impl Quantised {
             }
         }
         bytes
+    }
+
+    /// What a player gives of it.
+    fn expected(&self) -> Expected {
+        let bytes = |frame: &[i16]| frame.iter().flat_map(|value| value.to_le_bytes()).collect();
+        Expected { element: size_of::<i16>(), frames: self.frames().map(bytes).collect() }
     }
 
     /// The motion that a player has of it.

@@ -1,15 +1,17 @@
 //! Stores a motion in every way, and plays each on the simulator.
 
 use super::Quantised;
+use crate::clip::Clip;
 use crate::image::Image;
+use crate::profile;
 use crate::profile::elf::Memory;
-use crate::profile::measure::{self, Measured, Runner};
+use crate::profile::measure::{self, Measured};
 use crate::thumb::Core;
 use anyhow::{Context, Result, anyhow, bail};
-use decoder_core::{I16F16, Limits, qmd::Clip};
 use encoder::metrics::Evaluator;
 use encoder::qmd::{self, Parameters, Source};
 use serde::Serialize;
+use std::path::Path;
 
 /// A crate that packs blocks of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -167,7 +169,7 @@ pub fn run(clip: &encoder::Clip, method: Method, cores: &[Core]) -> Result<Entry
     targets.sort_unstable();
     targets.dedup();
     let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
-    let (bytes, images, mean_joint_cm, play): (_, _, _, Play<'_>) = match method {
+    let (bytes, images, mean_joint_cm, expected) = match method {
         Method::Int16 { packer, delta } => {
             let stored = Quantised::new(clip)?;
             let store = packer.pack(&stored.bytes(delta), stored.block_frames() * stored.channels() * 2)?;
@@ -187,50 +189,26 @@ pub fn run(clip: &encoder::Clip, method: Method, cores: &[Core]) -> Result<Entry
             }
             .build()?;
             let error = evaluator.mean_joint_cm(&stored.motion(clip.motion.fps).samples);
-            (store.len(), images, error, Box::new(move |core, image| play_int16(core, image, &stored)))
+            (store.len(), images, error, stored.expected())
         }
         Method::Qmd { fdf, lent } => {
             let parameters = Parameters { fixed_channels: fdf, ..Parameters::TABLE_1 };
             let source = Source::new(&clip.skeleton, &clip.motion)?;
             let bytes = source.encode(parameters, qmd::Method::ClosedLoop)?;
-            let images = crate::profile::images(&bytes, &targets, lent)?;
+            let images = profile::images(&bytes, &targets, lent)?;
             let error = evaluator.mean_joint_cm(&qmd::decode(&bytes)?.samples);
-            (bytes.len(), images, error, Box::new(move |core, image| play_qmd(core, image, &bytes)))
+            (bytes.len(), images, error, profile::frames(&Clip::parse(Path::new("clip.qmd"), &bytes)?)?)
         }
     };
     let mut costs = Vec::new();
     for &core in cores {
         let built = targets.iter().zip(&images).find(|(target, _)| **target == core.target());
         let Some((_, image)) = built else { bail!("no image was built for {}", core.name()) };
-        let measured = play(core, image).with_context(|| format!("{} on {}", method.name(), core.name()))?;
+        let measured = measure::run(core, image, 0, &expected, &mut || ())
+            .with_context(|| format!("{} on {}", method.name(), core.name()))?;
         costs.push(cost(core, image, method, bytes, &measured)?);
     }
     Ok(Entry { name: method.name(), method, bytes, mean_joint_cm, costs })
-}
-
-/// Plays an image and checks its frames.
-type Play<'a> = Box<dyn Fn(Core, &[u8]) -> Result<Measured> + 'a>;
-
-fn play_int16(core: Core, image: &[u8], stored: &Quantised) -> Result<Measured> {
-    let mut runner = Runner::new(core, image, 0)?;
-    for (number, expected) in stored.frames().enumerate() {
-        let found =
-            runner.next_frame(2)?.with_context(|| format!("the image ended before frame {number}"))?;
-        let (words, _) = found.as_chunks::<2>();
-        if !words.iter().map(|&word| i16::from_le_bytes(word)).eq(expected.iter().copied()) {
-            bail!("frame {number} is not the one that was stored");
-        }
-    }
-    if runner.next_frame(2)?.is_some() {
-        bail!("the image has more frames than were stored");
-    }
-    Ok(runner.finish())
-}
-
-fn play_qmd(core: Core, image: &[u8], bytes: &[u8]) -> Result<Measured> {
-    let clip = Clip::parse(bytes, Limits::MAX)?;
-    let mut pose = vec![I16F16::ZERO; clip.channels()];
-    measure::run(core, image, 0, clip.decoder(&mut pose, None)?, &mut || ())
 }
 
 fn cost(core: Core, image: &[u8], method: Method, stored: usize, measured: &Measured) -> Result<Cost> {
