@@ -5,7 +5,11 @@
 #![no_main]
 
 #[cfg_attr(any(feature = "heatshrink", feature = "lz4_flex", feature = "miniz_oxide"), path = "blocks.rs")]
-#[cfg_attr(not(any(feature = "heatshrink", feature = "lz4_flex", feature = "miniz_oxide")), path = "raw.rs")]
+#[cfg_attr(feature = "tamp", path = "tamp.rs")]
+#[cfg_attr(
+    not(any(feature = "heatshrink", feature = "lz4_flex", feature = "miniz_oxide", feature = "tamp")),
+    path = "raw.rs"
+)]
 mod store;
 
 use core::hint::black_box;
