@@ -4,13 +4,14 @@
 #![no_std]
 #![no_main]
 
+mod ends;
 #[cfg_attr(mclip, path = "store_mclip.rs")]
 #[cfg_attr(not(mclip), path = "store_qmd.rs")]
 mod store;
 
 use core::hint::black_box;
-use core::panic::PanicInfo;
 use cortex_m_rt::entry;
+use ends::{failed, finished};
 use firmware::drive::buffer_len;
 use firmware::dynamixel::sync_write::goal_positions;
 use firmware::map::{JointMap, MAX_SERVOS};
@@ -60,27 +61,4 @@ fn open(
 fn decode_frame(stage: &mut Stage) -> Option<&[u8]> {
     let goals = stage.player.tick()?;
     goal_positions(&mut stage.packet, goals).ok()
-}
-
-/// Where the image ends up when all went well.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn finished() -> ! {
-    loop {
-        black_box(());
-    }
-}
-
-/// Where it ends up otherwise.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn failed() -> ! {
-    loop {
-        black_box(1);
-    }
-}
-
-#[panic_handler]
-fn panic(_: &PanicInfo<'_>) -> ! {
-    failed()
 }
