@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod board;
+pub mod clip;
 pub mod files;
 pub mod image;
 pub mod peers;
