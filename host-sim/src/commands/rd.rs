@@ -232,7 +232,7 @@ fn targets(args: &Args, motions: &[Named]) -> Result<ExitCode> {
 
 /// Sweeps qualities.
 fn swept(args: &Args, motions: &[Named]) -> Result<ExitCode> {
-    let curves = curves(args, &Codec::value_variants().to_vec());
+    let curves = curves(args, Codec::value_variants());
     let bar = ProgressBar::new(sweep::len(motions, &curves) as u64);
     bar.set_style(ProgressStyle::with_template("{wide_bar} {pos} of {len} encodes, {eta} left")?);
     bar.enable_steady_tick(Duration::from_millis(200));
@@ -241,7 +241,7 @@ fn swept(args: &Args, motions: &[Named]) -> Result<ExitCode> {
     if let Some(path) = &args.csv {
         files::write(path, |file| sweep::write_csv(&points, file))?;
     }
-    let what = args.figure.map_or("all codecs", |figure| figure.figure().title());
+    let what = args.figure.map_or("rate and distortion", |figure| figure.figure().title());
     let title = title(what, motions);
     draw(args, || match args.figure {
         Some(figure) => figure.figure().chart(&title, &points),

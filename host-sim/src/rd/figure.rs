@@ -68,7 +68,8 @@ impl Figure {
 
 /// The graph of all curves: PSNR, joint error and RMS degrees against bits per second, of all motions pooled.
 pub fn overview(title: &str, points: &[Point]) -> Chart {
-    let measures: [(&str, bool, fn(&Point) -> Option<f64>); 3] = [
+    type Measure = fn(&Point) -> Option<f64>;
+    let measures: [(&str, bool, Measure); 3] = [
         ("PSNR, dB", false, |point| point.psnr_db),
         ("mean joint error, cm", true, |point| Some(point.mean_joint_cm)),
         ("RMS error of rotations, degrees", true, |point| Some(point.rms_deg)),

@@ -281,7 +281,10 @@ mod tests {
     #[test]
     fn every_codec_has_its_curve_and_pools() {
         let motions = motions();
-        let curves: Vec<Curve> = CodecId::ALL.into_iter().flat_map(Curve::of).collect();
+        // One of each codec, and one whose steps are swept.
+        let mut curves: Vec<Curve> =
+            CodecId::ALL.into_iter().map(|codec| Curve::of(codec).swap_remove(0)).collect();
+        curves.extend([Curve::of(CodecId::Pcm).swap_remove(1), Curve::qmd(8, false)]);
         let done = AtomicUsize::new(0);
         let points = run(&motions, &curves, &|| {
             done.fetch_add(1, Ordering::Relaxed);
@@ -313,7 +316,7 @@ mod tests {
                 assert!(between(psnr[0], psnr[1], psnr[2]), "{psnr:?}");
             }
         }
-        for curve in ["pcm", "dpcm order 1", "dpcm order 2", "mulaw", "pcm steps"] {
+        for curve in ["pcm", "dpcm order 1", "mulaw", "pcm steps"] {
             for pair in of("whole", curve).windows(2) {
                 assert!(pair[0].psnr_db < pair[1].psnr_db, "{curve}: {pair:?}");
                 assert!(pair[0].bits_per_s < pair[1].bits_per_s, "{curve}: {pair:?}");
