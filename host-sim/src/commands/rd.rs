@@ -256,16 +256,21 @@ fn swept(args: &Args, motions: &[Named]) -> Result<ExitCode> {
             println!("{curve:<20} {clip:<9} {:>4} {bytes:>10} {mean_joint_cm:>9.5}", fdf.unwrap_or(0));
         }
     } else {
+        let rate = |point: &Point| match args.figure {
+            Some(figure) => figure.figure().rate(point),
+            None => point.bits_per_s,
+        };
         println!("kbit/s at a PSNR of    {}", LEVELS.map(|db| format!("{db:>6} dB")).join(" "));
         for line in figure::groups(&points) {
-            let points: Vec<&Point> = line.iter().collect();
-            let rates = LEVELS.map(|db| match sweep::rate_at(&points, f64::from(db)) {
-                Some(rate) => format!("{:>9.2}", rate / 1000.0),
+            let points: Vec<(f64, f64)> =
+                line.iter().filter_map(|point| Some((rate(point) / 1000.0, point.psnr_db?))).collect();
+            let rates = LEVELS.map(f64::from).map(|db| match sweep::rate_at(&points, db) {
+                Some(rate) => format!("{rate:>9.2}"),
                 // All of it is better, or none of it comes to that.
-                None if points[0].psnr_db.is_some_and(|least| least > f64::from(db)) => {
-                    format!("{:>9}", format!("<{:.2}", points[0].bits_per_s / 1000.0))
-                }
-                None => format!("{:>9}", "-"),
+                None => match points.first().filter(|least| least.1 > db) {
+                    Some(least) => format!("{:>9}", format!("<{:.2}", least.0)),
+                    None => format!("{:>9}", "-"),
+                },
             });
             println!("{:<22} {}  {}", line[0].curve, rates.join(" "), line[0].clip);
         }

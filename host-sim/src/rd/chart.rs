@@ -57,7 +57,7 @@ pub struct Line {
 /// How a line looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Look {
-    /// Which of the colours; after the last one comes the first.
+    /// Which of [`COLOURS`].
     pub colour: usize,
     /// Whether it is dashed.
     pub dashed: bool,
@@ -79,24 +79,28 @@ pub enum Marker {
 }
 
 impl Look {
-    /// Looks that are told apart, one after another.
+    /// Of what stands for all lines: black.
+    pub const TOTAL: Self = Self { colour: COLOURS.len() - 1, dashed: false, marker: Marker::Disc };
+
+    /// Looks that are told apart, one after another, none of them black.
     pub const fn nth(index: usize) -> Self {
-        let marker = match index / COLOURS.len() % 3 {
+        let colours = COLOURS.len() - 1;
+        let marker = match index / colours % 3 {
             0 => Marker::Disc,
             1 => Marker::Triangle,
             _ => Marker::Cross,
         };
-        Self { colour: index, dashed: index / COLOURS.len() % 2 == 1, marker }
+        Self { colour: index % colours, dashed: index / colours % 2 == 1, marker }
     }
 
     fn colour(self) -> RGBColor {
-        let (red, green, blue) = COLOURS[self.colour % COLOURS.len()];
+        let (red, green, blue) = COLOURS[self.colour.min(COLOURS.len() - 1)];
         RGBColor(red, green, blue)
     }
 }
 
-/// Okabe and Ito's palette, which colour-blind people can tell apart, its yellow darker and grey for its black.
-pub const COLOURS: [(u8, u8, u8); 8] = [
+/// Okabe and Ito's palette, which colour-blind people can tell apart, with a darker yellow, and a grey before its black.
+pub const COLOURS: [(u8, u8, u8); 9] = [
     (0, 114, 178),
     (213, 94, 0),
     (0, 158, 115),
@@ -105,6 +109,7 @@ pub const COLOURS: [(u8, u8, u8); 8] = [
     (230, 159, 0),
     (158, 142, 0),
     (96, 96, 96),
+    (0, 0, 0),
 ];
 
 /// Height of the title and of a row of the legend, and the width of the legend before its names, in pixels.

@@ -56,13 +56,46 @@ impl Figure {
     /// graphs, and a panel of its own in the QMD paper's.
     pub fn chart(self, title: &str, points: &[Point]) -> Chart {
         let panels = match self {
-            Self::Direct | Self::Predictive | Self::Adaptive => by_curve(points),
+            Self::Direct | Self::Predictive | Self::Adaptive => self.by_curve(points),
             Self::QmdSize => by_clip(points, "KB", |point| point.bytes as f64 / 1024.0, false),
             Self::QmdError => by_clip(points, "mean joint error, cm", |point| point.mean_joint_cm, true),
         };
         let columns = panels.len().min(if panels.len() == 4 { 2 } else { 3 });
         let panel = if panels.len() > 2 { (400, 330) } else { (520, 430) };
         Chart { title: title.to_owned(), panel, columns, panels }
+    }
+}
+
+impl Figure {
+    /// The rate that it shows. The waveform-coding document counts the codes alone, and so do its graphs: a clip's header
+    /// is as large for three seconds of motion as for an hour of it.
+    pub fn rate(self, point: &Point) -> f64 {
+        match self {
+            Self::Direct | Self::Predictive | Self::Adaptive => point.blocks_bits_per_s,
+            Self::QmdSize | Self::QmdError => None,
+        }
+        .unwrap_or(point.bits_per_s)
+    }
+
+    /// A panel for every curve with a line for every motion.
+    fn by_curve(self, points: &[Point]) -> Vec<Panel> {
+        let of_curve = |of_curve: &[Point]| Panel {
+            title: of_curve[0].curve.clone(),
+            x: axis("bits per second, without the clip's header", true),
+            y: axis("PSNR, dB", false),
+            lines: groups(of_curve)
+                .enumerate()
+                .map(|(index, line)| Line {
+                    name: line[0].clip.clone(),
+                    look: if line[0].clip == POOLED { Look::TOTAL } else { Look::nth(index) },
+                    points: line
+                        .iter()
+                        .filter_map(|point| Some((self.rate(point), point.psnr_db?)))
+                        .collect(),
+                })
+                .collect(),
+        };
+        points.chunk_by(|a, b| a.curve == b.curve).map(of_curve).collect()
     }
 }
 
@@ -90,17 +123,18 @@ pub fn overview(title: &str, points: &[Point]) -> Chart {
                     .collect(),
             }
         });
-        Panel { title: String::new(), x: rate(), y: axis(name, log), lines: lines.collect() }
+        Panel {
+            title: String::new(),
+            x: axis("bits per second", true),
+            y: axis(name, log),
+            lines: lines.collect(),
+        }
     });
     Chart { title: title.to_owned(), panel: (430, 460), columns: 3, panels: panels.into() }
 }
 
 fn axis(name: &str, log: bool) -> Axis {
     Axis { name: name.to_owned(), log }
-}
-
-fn rate() -> Axis {
-    axis("bits per second", true)
 }
 
 /// The points of each curve on each motion, in order.
@@ -112,24 +146,6 @@ pub fn groups(points: &[Point]) -> impl Iterator<Item = &[Point]> {
 fn is_total(group: &[Point], points: &[Point]) -> bool {
     let pooled = points.iter().any(|point| point.clip == POOLED);
     !pooled || group[0].clip == POOLED
-}
-
-/// A panel for every curve with a line for every motion.
-fn by_curve(points: &[Point]) -> Vec<Panel> {
-    let of_curve = |of_curve: &[Point]| Panel {
-        title: of_curve[0].curve.clone(),
-        x: rate(),
-        y: axis("PSNR, dB", false),
-        lines: groups(of_curve)
-            .enumerate()
-            .map(|(index, line)| Line {
-                name: line[0].clip.clone(),
-                look: Look::nth(index),
-                points: line.iter().filter_map(|point| Some((point.bits_per_s, point.psnr_db?))).collect(),
-            })
-            .collect(),
-    };
-    points.chunk_by(|a, b| a.curve == b.curve).map(of_curve).collect()
 }
 
 /// A panel for every motion with a line for every curve, against FDF.

@@ -44,6 +44,9 @@ pub struct Point {
     pub header_bytes: Option<u64>,
     /// All bytes as bits per second of motion.
     pub bits_per_s: f64,
+    /// Those of the blocks alone: codes and the blocks' own headers, without the clip's. None in a .qmd. The
+    /// waveform-coding document counts no header at all.
+    pub blocks_bits_per_s: Option<f64>,
     /// How many times larger the motion is as float32.
     pub ratio_f32: f64,
     /// How many times larger the motion is in 16-bit samples, the document's raw rate.
@@ -191,6 +194,7 @@ impl<'m> Ready<'m> {
             bytes: bytes.len() as u64,
             header_bytes,
             bits_per_s: 0.0,
+            blocks_bits_per_s: None,
             ratio_f32: 0.0,
             ratio_i16: 0.0,
             mean_joint_cm,
@@ -207,6 +211,7 @@ impl Point {
         let bytes = self.bytes as f64;
         Self {
             bits_per_s: 8.0 * bytes / seconds,
+            blocks_bits_per_s: self.header_bytes.map(|header| 8.0 * (bytes - header as f64) / seconds),
             ratio_f32: 4.0 * samples / bytes,
             ratio_i16: 2.0 * samples / bytes,
             ..self
@@ -239,13 +244,13 @@ fn pool(points: &[&Point]) -> Option<Point> {
     Some(pooled.with_rates(samples, seconds))
 }
 
-/// Bits per second at which a curve's points, coarsest first, come to so many dB: between two points in proportion, on a
+/// The rate at which points (rate, PSNR), coarsest first, come to so many dB: between two points in proportion, on a
 /// logarithmic scale of rates. None where they do not get there, or are all above.
-pub fn rate_at(points: &[&Point], psnr_db: f64) -> Option<f64> {
+pub fn rate_at(points: &[(f64, f64)], psnr_db: f64) -> Option<f64> {
     points.windows(2).find_map(|pair| {
-        let (low, high) = (pair[0].psnr_db?, pair[1].psnr_db?);
+        let (low, high) = (pair[0].1, pair[1].1);
         let part = (psnr_db - low) / (high - low);
-        let (from, to) = (pair[0].bits_per_s.ln(), pair[1].bits_per_s.ln());
+        let (from, to) = (pair[0].0.ln(), pair[1].0.ln());
         (low <= psnr_db && psnr_db < high).then(|| (from + part * (to - from)).exp())
     })
 }
@@ -308,6 +313,8 @@ mod tests {
                     pooled.header_bytes,
                     whole.header_bytes.zip(half.header_bytes).map(|(a, b)| a + b)
                 );
+                let blocks = pooled.header_bytes.map(|header| (pooled.bytes - header) as f64 * 8.0 / 12.0);
+                assert_eq!(pooled.blocks_bits_per_s, blocks);
                 let cm = (2.0 * whole.mean_joint_cm + half.mean_joint_cm) / 3.0;
                 assert!((pooled.mean_joint_cm - cm).abs() < 1e-9);
                 let between = |a: f64, b: f64, x: f64| a.min(b) - 1e-9 <= x && x <= a.max(b) + 1e-9;
@@ -337,7 +344,7 @@ mod tests {
         let header = table.headers().unwrap().iter().collect::<Vec<_>>().join(",");
         assert_eq!(
             header,
-            "clip,curve,codec,entropy,bits,step_cm,fdf,frames,fps,channels,bytes,header_bytes,bits_per_s,ratio_f32,ratio_i16,\
+            "clip,curve,codec,entropy,bits,step_cm,fdf,frames,fps,channels,bytes,header_bytes,bits_per_s,blocks_bits_per_s,ratio_f32,ratio_i16,\
              mean_joint_cm,rms_deg,psnr_db"
         );
         let rows: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
@@ -352,12 +359,12 @@ mod tests {
     fn a_rate_is_found_between_points() {
         let motions = &motions()[..1];
         let points = run(motions, &[Curve::pcm()], &|| {}).unwrap();
-        let points: Vec<&Point> = points.iter().collect();
-        let rate = rate_at(&points, points[3].psnr_db.unwrap()).unwrap();
-        assert!((rate - points[3].bits_per_s).abs() < 1e-6 * rate);
-        let between = f64::midpoint(points[3].psnr_db.unwrap(), points[4].psnr_db.unwrap());
-        let rate = rate_at(&points, between).unwrap();
-        assert!((rate - (points[3].bits_per_s * points[4].bits_per_s).sqrt()).abs() < 1e-6 * rate);
+        let points: Vec<(f64, f64)> =
+            points.iter().map(|point| (point.bits_per_s, point.psnr_db.unwrap())).collect();
+        let rate = rate_at(&points, points[3].1).unwrap();
+        assert!((rate - points[3].0).abs() < 1e-6 * rate);
+        let rate = rate_at(&points, f64::midpoint(points[3].1, points[4].1)).unwrap();
+        assert!((rate - (points[3].0 * points[4].0).sqrt()).abs() < 1e-6 * rate);
         assert_eq!(rate_at(&points, 1.0).or(rate_at(&points, 200.0)), None);
     }
 }
