@@ -111,7 +111,7 @@ pub struct Opening<'a> {
     pub tables: &'a [u8],
     /// Certified worst-case cycles of a frame: 5 bytes a core, its number and 4 bytes of cycles.
     pub cycles: &'a [u8],
-    /// Pairs of predictor coefficients in 16384ths: `i16`, 4 bytes a pair.
+    /// Pairs of predictor coefficients: `i16`, 4 bytes a pair.
     pub predictors: &'a [u8],
     /// The channels' records, a bit string: see [`Channels`].
     pub records: &'a [u8],

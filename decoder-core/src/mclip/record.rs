@@ -8,7 +8,6 @@ use super::header::{Opening, check};
 use crate::arithmetic::signed;
 use crate::bits::BitReader;
 use crate::error::{Error, Field};
-use crate::predict::ONE;
 use core::fmt;
 
 /// Bits of the mantissa of a pcm channel's Δ.
@@ -95,7 +94,7 @@ pub struct Channel<'a> {
     pub step: u8,
     /// Its group of code tables.
     pub group: u8,
-    /// Coefficients of its predictor in 16384ths; pcm: the first is the mantissa of Δ.
+    /// Coefficients of its predictor; pcm: the first is the mantissa of Δ.
     pub coefficients: [i16; 2],
 }
 
@@ -282,7 +281,7 @@ impl<'a> Channels<'a> {
         let channel_bits = packings.bits.take(bits);
         let step = packings.step.take(bits);
         let entry_bits = packings.entry_bits.take(bits);
-        let (mut group, mut coefficients) = (0, [ONE, 0]);
+        let (mut group, mut coefficients) = (0, [0; 2]);
         if channel_bits > 0 {
             group = packings.group.take(bits);
             if self.is_pcm {
@@ -316,12 +315,12 @@ impl<'a> Iterator for Channels<'a> {
     }
 }
 
-/// Pair `index` of coefficients; the last value alone where there is no pair at all.
+/// Pair `index` of coefficients; zeros, which predict the last value, where there is no pair at all.
 fn pair(pairs: &[u8], index: u8, at: usize) -> Result<[i16; 2], Error> {
     let (pairs, _) = pairs.as_chunks::<4>();
     match pairs.get(usize::from(index)) {
         Some(&[a, b, c, d]) => Ok([i16::from_le_bytes([a, b]), i16::from_le_bytes([c, d])]),
-        None if pairs.is_empty() && index == 0 => Ok([ONE, 0]),
+        None if pairs.is_empty() && index == 0 => Ok([0; 2]),
         None => {
             let high = (pairs.len() as u32).saturating_sub(1);
             Err(Error::Malformed { field: Field::Predictor, at, found: index.into(), low: 0, high })
@@ -358,7 +357,7 @@ mod tests {
         bits: 8,
         step: 104,
         group: 0,
-        coefficients: [ONE, 0],
+        coefficients: [0; 2],
     };
 
     #[test]
@@ -419,7 +418,7 @@ mod tests {
     fn predictors_are_pairs_and_the_last_value_where_there_are_none() {
         let bytes: Vec<u8> = [1i16, -2, 300, -400].iter().flat_map(|part| part.to_le_bytes()).collect();
         assert_eq!(pair(&bytes, 1, 9), Ok([300, -400]));
-        assert_eq!(pair(&[], 0, 9), Ok([ONE, 0]));
+        assert_eq!(pair(&[], 0, 9), Ok([0; 2]));
         let error =
             |found, high| Err(Error::Malformed { field: Field::Predictor, at: 9, found, low: 0, high });
         assert_eq!(pair(&bytes, 2, 9), error(2, 1));

@@ -3,7 +3,6 @@
 use super::bits::BitWriter;
 use decoder_core::arithmetic::unsigned;
 use decoder_core::mclip::{Channel, MANTISSA_BITS, Packing};
-use decoder_core::predict::ONE;
 
 /// Most pairs of coefficients: an index is a byte.
 const MOST_PREDICTORS: usize = 256;
@@ -71,7 +70,7 @@ fn pairs(channels: &[Channel<'_>]) -> Vec<[i16; 2]> {
     pairs.sort_unstable();
     pairs.dedup();
     pairs.truncate(MOST_PREDICTORS);
-    if pairs == [[ONE, 0]] { Vec::new() } else { pairs }
+    if pairs == [[0; 2]] { Vec::new() } else { pairs }
 }
 
 /// The number of the pair that is nearest.
@@ -162,7 +161,7 @@ mod tests {
                         step,
                         group: 0,
                         coefficients: match (bits, is_pcm) {
-                            (0, _) => [ONE, 0],
+                            (0, _) => [0; 2],
                             (_, true) => [below(32768) as i16, 0],
                             _ => [alpha, -alpha],
                         },
@@ -187,7 +186,7 @@ mod tests {
             bits: 7,
             step: 88,
             group: 0,
-            coefficients: [ONE, 0],
+            coefficients: [0; 2],
         };
         let [few, many] = [1, 101].map(|count| check(CodecId::Dpcm, &vec![channel; count], 2));
         // First of a joint, kind, and a low of zero. The length of the records takes two bytes then.
