@@ -13,3 +13,4 @@ pub mod qemu;
 mod qemu_log;
 pub mod servos;
 pub mod thumb;
+pub mod within;
