@@ -3,6 +3,7 @@
 //! - `BUNRAKU_CLIP`: path of a .qmd; a golden vector unless given
 //! - `BUNRAKU_MCLIP`: path of a .mclip, for the image `decode-mclip`; a golden vector unless given. Where it is given, the
 //!   image `tick` plays it
+//! - `BUNRAKU_VERIFY`: `blocks` to have the .mclip's blocks checked as they are entered, and not all before
 //! - `BUNRAKU_TABLE`: `none` to lend the decoder no memory for its table
 //! - `BUNRAKU_MAP`: path of a joint map as postcard bytes, for the image `tick`
 //! - `BUNRAKU_NOPS`: instructions to waste in every frame, so that tests have a slower decoder to find
@@ -57,7 +58,11 @@ fn mclip(out: &Path) {
     let needs = clip.header().needs();
     let sizes = [("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)]
         .map(|(name, size)| format!("/// Elements that the decoder needs.\nconst {name}: usize = {size};\n"));
-    write(out, "mclip_sizes.rs", sizes.concat().as_bytes());
+    let blocks = variable("BUNRAKU_VERIFY").is_some_and(|when| when == "blocks");
+    let verify = format!(
+        "/// Whether blocks are checked as they are entered.\nconst VERIFY_BLOCKS: bool = {blocks};\n"
+    );
+    write(out, "mclip_sizes.rs", (sizes.concat() + &verify).as_bytes());
     write(out, "clip.mclip", &bytes);
 }
 

@@ -196,7 +196,7 @@ pub fn run(clip: &encoder::Clip, method: Method, cores: &[Core]) -> Result<Entry
         Method::Mclip { blocks } => {
             let fine = evaluator.mean_joint_cm(&Quantised::new(clip)?.motion(clip.motion.fps).samples);
             let bytes = blocks.encode(clip, fine, &evaluator)?;
-            let images = profile::mclip_images(&bytes, &targets)?;
+            let images = profile::mclip_images(&bytes, &targets, false)?;
             let error = evaluator.mean_joint_cm(&encoder::mclip::decode(&bytes)?.samples);
             (bytes.len(), images, error, profile::frames(&Clip::parse(Path::new("clip.mclip"), &bytes)?)?)
         }

@@ -23,17 +23,19 @@ const DECODE: Image<'static> = Image {
 /// As [`Image::build`].
 pub fn images(clip: &[u8], targets: &[&str], lent: bool) -> Result<Vec<Vec<u8>>> {
     if is_mclip(clip) {
-        return mclip_images(clip, targets);
+        return mclip_images(clip, targets, false);
     }
     Image { targets, files: &[file(clip)], variables: &[table(lent)], ..DECODE }.build()
 }
 
-/// Builds the image that decodes `clip`, a .mclip, for each of Rust's `targets`.
+/// Builds the image that decodes `clip`, a .mclip, for each of Rust's `targets`. Its blocks are checked all before the
+/// first frame, or with `verify_blocks` each when it is entered.
 ///
 /// # Errors
 /// As [`Image::build`].
-pub fn mclip_images(clip: &[u8], targets: &[&str]) -> Result<Vec<Vec<u8>>> {
-    Image { binary: "decode-mclip", targets, files: &[file(clip)], ..DECODE }.build()
+pub fn mclip_images(clip: &[u8], targets: &[&str], verify_blocks: bool) -> Result<Vec<Vec<u8>>> {
+    let variables = &[("BUNRAKU_VERIFY", if verify_blocks { "blocks" } else { "once" })];
+    Image { binary: "decode-mclip", targets, files: &[file(clip)], variables, ..DECODE }.build()
 }
 
 /// Builds the image that plays `clip` on the servos of a joint map, given as its bytes, as [`images`] does. What is

@@ -31,14 +31,15 @@ fn main() -> ! {
     finished()
 }
 
-/// Checks the clip and makes its decoder, which builds the tables of the entropy stage.
+/// Checks the clip, its blocks unless that is for later, and makes its decoder, which builds the tables of the entropy stage.
 #[inline(never)]
 #[unsafe(no_mangle)]
 fn open(bytes: &'static [u8], memory: Memory<'static>) -> Result<Decoder<'static, 'static>, Error> {
-    Clip::parse(bytes, Limits::MAX)?.decoder(memory)
+    let clip = Clip::parse(bytes, Limits::MAX)?;
+    if VERIFY_BLOCKS { clip } else { clip.verify()? }.decoder(memory)
 }
 
-/// What is measured: one frame, and the checksum of a block where it begins one.
+/// What is measured: one frame, and with `VERIFY_BLOCKS` the checksum of a block where it begins one.
 #[inline(never)]
 #[unsafe(no_mangle)]
 fn decode_frame<'d>(decoder: &'d mut Decoder<'_, '_>) -> Option<&'d [I16F16]> {
