@@ -1,7 +1,7 @@
 //! Plays a clip that lies in memory, frame by frame.
 
 use super::clip::{Clip, Segment};
-use super::row::{self, NARROW, Table};
+use super::row::{self, NARROW};
 use super::segment::lent;
 use crate::error::{Error, Field};
 use fixed::types::I16F16;
@@ -72,12 +72,12 @@ impl<'a, 's> Decoder<'a, 's> {
         };
         self.segment.rows = rows;
         self.position = self.position.wrapping_add(1);
-        let table = match &self.lent {
-            Lent::Narrow(words) => Table::Narrow(words),
-            Lent::Words(words) => Table::Words(words),
-            Lent::Nothing => Table::Floats(self.segment.table),
-        };
-        row::add(self.clip.layout(), row, table, self.pose);
+        let (values, indices) = row::add_floats(self.clip.layout().fixed_channels, row, self.pose)?;
+        match &self.lent {
+            Lent::Narrow(words) => row::add_words(values, indices, words),
+            Lent::Words(words) => row::add_wide(values, indices, self.clip.layout().index_bits, words),
+            Lent::Nothing => row::add_converted(values, indices, self.clip.layout().index_bits, self.segment.table),
+        }
         Some(self.pose)
     }
 
