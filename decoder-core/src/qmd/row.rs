@@ -1,11 +1,12 @@
 //! One row of differences onto the pose: the hot path.
 //!
 //! A channel costs one load of the index, one of the table entry, one of the pose, an addition and a store: 10 cycles
-//! on Cortex-M0+, where a load or store takes 2 and the index has to be shifted.
+//! on Cortex-M0+, where a load or store takes 2 and the index has to be shifted. What is written here in an unusual
+//! way keeps the loops in the few registers of that core; docs/CYCLES.md, "Where a frame's cycles go", has the counts.
 //! Additions wrap (docs/FORMAT.md): saturating ones would cost Cortex-M0+ four cycles a channel, and only a
 //! damaged clip can leave the range, whose goal positions are limited behind the decoder anyway.
 
-use crate::float::fixed_from_f32_bits;
+use crate::float::{far, fixed_from_f32_bits, near};
 use fixed::types::I16F16;
 
 /// Entries of a table for one-byte indices.
@@ -42,6 +43,8 @@ pub(super) fn add_floats<'p, 'r>(
 const GROUP: usize = 8;
 
 /// Adds the words of a table to each value. The hot path.
+///
+/// What no group of eight takes goes first, unrolled like the groups; the loop then has one end and one counter.
 #[inline(always)]
 pub(super) fn add_words(mut values: &mut [I16F16], mut indices: &[u8], words: &[i32; NARROW]) {
     if values.len() != indices.len() {
@@ -87,15 +90,30 @@ pub(super) fn add_wide(values: &mut [I16F16], indices: &[u8], index_bits: u8, wo
     add_each(values, indices, |index| words.get(entry(index, mask)).copied().unwrap_or(0));
 }
 
-/// Adds the floats of a table to each value.
-#[inline(never)]
-pub(super) fn add_converted(values: &mut [I16F16], indices: &[u8], index_bits: u8, floats: &[[u8; 4]]) {
-    if let Some(floats) = floats.first_chunk::<NARROW>()
-        && index_bits == 8
-    {
-        add_each(values, indices, |&index| floats.get(usize::from(index)).map_or(0, |&float| fixed(float)));
+/// Adds the floats of a table for one-byte indices to each value, two at a time. With more, Cortex-M0+ loads what has
+/// no register from the stack.
+#[inline(always)]
+pub(super) fn add_narrow_floats(values: &mut [I16F16], indices: &[u8], floats: &[[u8; 4]; NARROW]) {
+    if values.len() != indices.len() {
         return;
     }
+    let float = |&index: &u8| {
+        let bits = u32::from_le_bytes(floats.get(usize::from(index)).copied().unwrap_or_default());
+        // No case for zero, as in `fixed`: it takes a register of this loop.
+        near(bits).unwrap_or_else(|| far(bits))
+    };
+    // One first where their number is odd: the loop over pairs then is all that is left.
+    let (first, pairs) = values.as_rchunks_mut::<2>();
+    let (first_index, index_pairs) = indices.as_rchunks::<2>();
+    add_each(first, first_index, float);
+    for (values, indices) in pairs.iter_mut().zip(index_pairs) {
+        add_each(values, indices, float);
+    }
+}
+
+/// Adds the floats of a table of any size to each value.
+#[inline(never)]
+pub(super) fn add_wide_floats(values: &mut [I16F16], indices: &[u8], index_bits: u8, floats: &[[u8; 4]]) {
     let (indices, _) = indices.as_chunks::<2>();
     let mask = mask(index_bits);
     add_each(values, indices, |index| floats.get(entry(index, mask)).map_or(0, |&float| fixed(float)));
@@ -115,7 +133,8 @@ const fn entry(index: &[u8; 2], mask: usize) -> usize {
 #[inline(always)]
 fn add_each<I>(values: &mut [I16F16], indices: &[I], difference: impl Fn(&I) -> i32) {
     for (value, index) in values.iter_mut().zip(indices) {
-        step(value, difference(index));
+        let difference = difference(index);
+        step(value, difference);
     }
 }
 
