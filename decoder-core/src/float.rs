@@ -61,7 +61,7 @@ pub(crate) const fn far(bits: u32) -> i32 {
         return i32::MAX ^ sign;
     }
     let mantissa = (magnitude & 0x7f_ffff) | 0x80_0000;
-    let magnitude = (mantissa << exponent.wrapping_sub(134)).cast_signed();
+    let magnitude = mantissa.wrapping_shl(exponent.wrapping_sub(134)).cast_signed();
     (magnitude ^ sign).wrapping_sub(sign)
 }
 
