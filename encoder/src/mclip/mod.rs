@@ -9,6 +9,7 @@
 mod bits;
 mod lent;
 mod lookup;
+mod max;
 mod plan;
 mod prefix;
 mod run;
@@ -24,6 +25,7 @@ use plan::{Choice, Column};
 use run::Plan;
 
 pub use lent::Lent;
+pub use max::Density;
 pub use target::{Encoded, Target};
 
 /// How values are predicted.
