@@ -13,7 +13,8 @@
 use super::header::{Channel, check};
 use crate::entropy::Context;
 use crate::error::{Error, Field};
-use crate::predict::{Correlation, First, Last, Predict, Second};
+use crate::predict::window::{LONGEST, SHORTEST};
+use crate::predict::{Correlation, First, Last, Predict, Second, Slots};
 use crate::quantise::adaptive::CLASSES;
 use crate::quantise::step::MAX_STEP;
 use crate::quantise::{Adaptive, Cell, Grid, Lookup, MAX_BITS, MuLaw, Quantise, Uniform};
@@ -98,10 +99,17 @@ impl EntropyId {
 /// How the adaptive predictor adapts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Adaptation {
-    /// s: the exponential window has 2^s frames, 1 to 14.
+    /// s, 1 to 14: the exponential window has 2^s frames. Or 15 to 120: the sliding window has so many.
     pub window: u8,
     /// p: a channel's coefficients are solved for every 2^p frames, 0 to 14.
     pub period: u8,
+}
+
+impl Adaptation {
+    /// Words of a channel's ring: the sliding window's length, none for an exponential one.
+    pub const fn ring_words(self) -> usize {
+        if self.window >= SHORTEST { self.window as usize } else { 0 }
+    }
 }
 
 /// What adapts in adpcm.
@@ -136,7 +144,7 @@ impl Adpcm {
             return Err(Error::Encoding { field: Field::Parameters, at });
         };
         check(Field::Parameters, at, high.into(), low.into(), MAX_STEP.into())?;
-        check(Field::Parameters, at, window.into(), 0, 14)?;
+        check(Field::Parameters, at, window.into(), 0, LONGEST.into())?;
         check(Field::Parameters, at, period.into(), 0, if window == 0 { 0 } else { 14 })?;
         let quantiser = Adaptive { multipliers: multipliers.map(u8::cast_signed), low, high };
         let predictor = (window > 0).then_some(Adaptation { window, period });
@@ -207,6 +215,14 @@ impl<'a> Codec<'a> {
     /// Whether a channel needs a [`Correlation`].
     pub const fn adapts_predictor(&self) -> bool {
         matches!(self, Self::Adpcm(Adpcm { predictor: Some(_), .. }))
+    }
+
+    /// Words of a channel's ring, for a predictor with a sliding window.
+    pub const fn ring_words(&self) -> usize {
+        match self {
+            Self::Adpcm(Adpcm { predictor: Some(adaptation), .. }) => adaptation.ring_words(),
+            _ => 0,
+        }
     }
 
     /// Whether the first frame after an entry point has values of its own, instead of codes.
@@ -283,6 +299,7 @@ pub(super) fn step<C: Choose>(
     pose: &mut [I16F16],
     states: &mut [State],
     correlations: &mut [Correlation],
+    rings: &mut [u16],
     frame: u32,
     choose: &mut C,
 ) {
@@ -294,7 +311,17 @@ pub(super) fn step<C: Choose>(
         Codec::Dpcm { .. } => fixed(pose, states, &Second, &Uniform, choose),
         Codec::Adpcm(Adpcm { quantiser, predictor: None }) => fixed(pose, states, &Second, quantiser, choose),
         Codec::Adpcm(Adpcm { quantiser, predictor: Some(adaptation) }) => {
-            adaptive(pose, states, correlations, *adaptation, frame, quantiser, choose);
+            let words = adaptation.ring_words();
+            if words == 0 {
+                let window = adaptation.window.into();
+                let followers = correlations.iter_mut().map(|correlation| Exponential { correlation, window });
+                adaptive(pose, states, followers, adaptation.period, frame, quantiser, choose);
+            } else {
+                let slots = Slots::at(frame, adaptation.window);
+                let rings = correlations.iter_mut().zip(rings.chunks_exact_mut(words));
+                let followers = rings.map(|(correlation, ring)| Sliding { correlation, ring, slots });
+                adaptive(pose, states, followers, adaptation.period, frame, quantiser, choose);
+            }
         }
         Codec::Qmd(table) => fixed(pose, states, &Last, table, choose),
     }
@@ -345,33 +372,78 @@ fn fixed<P: Predict, Q: Quantise, C: Choose>(
     }
 }
 
+/// What follows a channel's movements.
+trait Follow {
+    fn correlation(&self) -> &Correlation;
+
+    /// Takes in a movement.
+    fn add(&mut self, movement: i32);
+}
+
+/// By an exponential window.
+struct Exponential<'c> {
+    correlation: &'c mut Correlation,
+    window: u32,
+}
+
+impl Follow for Exponential<'_> {
+    #[inline(always)]
+    fn correlation(&self) -> &Correlation {
+        self.correlation
+    }
+
+    #[inline(always)]
+    fn add(&mut self, movement: i32) {
+        self.correlation.add(movement, self.window);
+    }
+}
+
+/// By a sliding window.
+struct Sliding<'c> {
+    correlation: &'c mut Correlation,
+    ring: &'c mut [u16],
+    slots: Slots,
+}
+
+impl Follow for Sliding<'_> {
+    #[inline(always)]
+    fn correlation(&self) -> &Correlation {
+        self.correlation
+    }
+
+    #[inline(always)]
+    fn add(&mut self, movement: i32) {
+        self.correlation.slide(movement, self.ring, self.slots);
+    }
+}
+
 /// Differences to a prediction whose coefficients follow the channel.
 ///
 /// Channel c solves for its coefficients after frame n since the entry point where n + c is a multiple of the
 /// period, so that the divisions of a frame's channels are spread over the period.
 #[inline(always)]
-fn adaptive<Q: Quantise, C: Choose>(
+fn adaptive<F: Follow, Q: Quantise, C: Choose>(
     pose: &mut [I16F16],
     states: &mut [State],
-    correlations: &mut [Correlation],
-    adaptation: Adaptation,
+    followers: impl Iterator<Item = F>,
+    period: u8,
     frame: u32,
     quantise: &Q,
     choose: &mut C,
 ) {
-    let mask = 1u32.wrapping_shl(adaptation.period.into()).wrapping_sub(1);
-    let channels = pose.iter_mut().zip(states).zip(correlations);
-    for (channel, ((value, state), correlation)) in counted(channels) {
+    let mask = 1u32.wrapping_shl(period.into()).wrapping_sub(1);
+    let channels = pose.iter_mut().zip(states).zip(followers);
+    for (channel, ((value, state), mut follower)) in counted(channels) {
         if state.cell.bits == 0 {
             continue;
         }
         let last = value.to_bits();
-        let predicted = correlation.predict(state.coefficients, last);
+        let predicted = follower.correlation().predict(state.coefficients, last);
         let symbol = choose.symbol(channel, predicted, quantise, state);
         let next = predicted.wrapping_add(quantise.difference(symbol, &mut state.cell));
-        correlation.add(next.wrapping_sub(last), adaptation.window.into());
+        follower.add(next.wrapping_sub(last));
         if frame.wrapping_add(channel as u32) & mask == 0 {
-            state.coefficients = correlation.solve();
+            state.coefficients = follower.correlation().solve();
         }
         *value = I16F16::from_bits(next);
     }

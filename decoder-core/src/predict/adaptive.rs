@@ -15,15 +15,15 @@ use super::ONE;
 pub const MAX_REFLECTION: i32 = 15 << 10;
 
 /// Movements are kept in 2048ths of a unit, up to 16 units a frame.
-const SHIFT: u32 = 5;
+pub(super) const SHIFT: u32 = 5;
 
 /// A channel's two last movements and its autocorrelation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Correlation {
     /// d(n − 1) and d(n − 2).
-    movements: [i16; 2],
-    /// R(0), R(1) and R(2), weighted averages of products; below 2³⁰.
-    sums: [i32; 3],
+    pub(super) movements: [i16; 2],
+    /// R(0), R(1) and R(2): weighted averages of products below 2³⁰, or sums of coarser ones below 2³¹.
+    pub(super) sums: [i32; 3],
 }
 
 impl Correlation {
