@@ -10,5 +10,6 @@ pub mod profile;
 pub mod puppet;
 pub mod qemu;
 mod qemu_log;
+pub mod rd;
 pub mod servos;
 pub mod thumb;

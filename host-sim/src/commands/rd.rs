@@ -25,6 +25,12 @@ pub struct Args {
     /// Mean joint errors in cm, separated by commas.
     #[arg(long, value_name = "CM", value_delimiter = ',', value_parser = positive, default_values = ["0.1", "0.25"])]
     errors: Vec<f64>,
+    /// Sample the motions at so many frames per second first.
+    #[arg(long, value_parser = positive)]
+    fps: Option<f64>,
+    /// Bring the document's methods (sections 7.2 to 7.6) to this PSNR instead, and tell their order.
+    #[arg(long, value_name = "DB", value_parser = positive, conflicts_with_all = ["codecs", "errors"])]
+    psnr: Option<f64>,
     /// Report as JSON.
     #[arg(long)]
     json: bool,
@@ -53,6 +59,14 @@ struct Pooled {
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
+    if let Some(db) = args.psnr {
+        let motions = args.inputs.iter().map(|path| {
+            let (name, clip) = load(path)?;
+            let named = host_sim::rd::Named { name, clip };
+            args.fps.map_or(Ok(named.clone()), |fps| host_sim::rd::resample(named, fps))
+        });
+        return super::rd_psnr::run(&motions.collect::<Result<Vec<_>>>()?, db, args.json);
+    }
     let clips = args.inputs.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
     let (mut rows, mut pooled) = (Vec::new(), Vec::new());
     for codec in &args.codecs {
@@ -114,7 +128,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
 }
 
 /// A motion and its name; an AMC with the skeleton of its subject.
-fn load(path: &Path) -> Result<(String, encoder::Clip)> {
+pub fn load(path: &Path) -> Result<(String, encoder::Clip)> {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let is_amc = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("amc"));
     let skeleton = match name.split_once('_') {
