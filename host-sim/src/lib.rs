@@ -2,9 +2,11 @@
 #![forbid(unsafe_code)]
 
 pub mod board;
+pub mod clip;
 pub mod files;
 pub mod image;
 pub mod peers;
+pub mod picture;
 pub mod play;
 pub mod profile;
 pub mod puppet;

@@ -5,18 +5,15 @@
 //! window slides: what comes in is added, what goes out subtracted, so a sample costs the same whatever N is.
 //!
 //! The window lies in a ring of words that the caller lends: N words a channel, on top of the 16 bytes of a [`Correlation`].
-//! Products are of movements in 256ths of a unit, of 12 bits and a sign, so that sums of 120 of them fit a word.
+//! Movements have 12 bits and a sign, so sums of 120 products fit a word.
 
-use super::adaptive::{Correlation, SHIFT};
+use super::adaptive::{Correlation, MOST, SHIFT};
 
 /// Shortest window: half a second at 30 frames a second.
 pub const SHORTEST: u8 = 15;
 
 /// Longest window: four seconds at 30 frames a second.
 pub const LONGEST: u8 = 120;
-
-/// Places by which movements are shifted for products.
-const COARSER: u32 = 3;
 
 /// Where in their rings all channels are: the same place, since all get a movement a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,17 +43,17 @@ impl Correlation {
     /// `ring` has as many words as the window is long. What it holds before the first frame does not matter.
     #[inline(always)]
     pub fn slide(&mut self, movement: i32, ring: &mut [u16], slots: Slots) {
-        let new = (movement >> SHIFT).clamp(-0x8000, 0x7fff);
+        let new = (movement >> SHIFT).clamp(!MOST, MOST);
         let [newest, before] = self.movements;
         let [oldest, second, third] = slots.places;
         let word = |ring: &[u16], place: usize| ring.get(place).copied().unwrap_or(0).cast_signed();
-        let (now, leaving) = (products(new as i16, [newest, before]), [0; 3]);
+        let now = products(new as i16, [newest, before]);
         let leaving = if slots.full {
             products(word(ring, oldest), [word(ring, second), word(ring, third)])
         } else {
-            leaving
+            [0; 3]
         };
-        // A sum of at most 120 products below 2^24.
+        // Sums of at most 120 products, none above 2^24.
         for (sum, (now, leaving)) in self.sums.iter_mut().zip(now.into_iter().zip(leaving)) {
             *sum = sum.wrapping_add(now).wrapping_sub(leaving);
         }
@@ -70,9 +67,8 @@ impl Correlation {
 /// The products of a movement with itself and two others.
 #[inline(always)]
 fn products(movement: i16, others: [i16; 2]) -> [i32; 3] {
-    let coarse = |movement: i16| i32::from(movement) >> COARSER;
-    let ([first, second], movement) = (others.map(coarse), coarse(movement));
-    [movement, first, second].map(|other| movement.wrapping_mul(other))
+    let [first, second] = others;
+    [movement, first, second].map(|other| i32::from(movement).wrapping_mul(i32::from(other)))
 }
 
 #[cfg(test)]
@@ -85,7 +81,7 @@ mod tests {
     /// The sums as the document has them, over the last `length` movements.
     fn whole(movements: &[i32], length: usize) -> [i32; 3] {
         let from = movements.len().saturating_sub(length);
-        let window: Vec<i64> = movements[from..].iter().map(|&m| i64::from(m >> COARSER)).collect();
+        let window: Vec<i64> = movements[from..].iter().map(|&m| i64::from(m)).collect();
         [0, 1, 2].map(|lag| {
             let pairs = window.iter().skip(lag).zip(&window);
             i32::try_from(pairs.map(|(a, b)| a * b).sum::<i64>()).unwrap()
@@ -114,7 +110,7 @@ mod tests {
                     }
                 };
                 channel.slide(movement, &mut ring, Slots::at(number, length));
-                movements.push((movement >> SHIFT).clamp(-0x8000, 0x7fff));
+                movements.push((movement >> SHIFT).clamp(!MOST, MOST));
                 assert_eq!(channel.sums, whole(&movements, length.into()), "{length} at {number}");
                 let [first, second] = channel.solve().map(|c| f64::from(c) / 16384.0);
                 assert!(second.abs() < 1.0 && first.abs() < 1.0 - second, "{first} {second}");

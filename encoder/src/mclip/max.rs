@@ -56,9 +56,8 @@ impl Density {
     pub fn levels(self, count: usize) -> Vec<f64> {
         let half = count / 2;
         let odd = !count.is_multiple_of(2);
-        let mut levels: Vec<f64> = (0..half)
-            .map(|i| self.start((2 * i + 1 + usize::from(odd)) as f64 / count as f64))
-            .collect();
+        let mut levels: Vec<f64> =
+            (0..half).map(|i| self.start((2 * i + 1 + usize::from(odd)) as f64 / count as f64)).collect();
         for _ in 0..ROUNDS {
             // Of an odd number of levels, one is 0.
             let mut low = if odd { levels.first().copied().unwrap_or(0.0) / 2.0 } else { 0.0 };

@@ -168,11 +168,14 @@ impl<'m> Encoder<'m> {
             }
             Quality::Step(_) | Quality::Even(_) => *settings,
         };
-        let (levels, choices) = match quality {
+        let (levels, mut choices) = match quality {
             Quality::Bits(bits) => self.by_bits(settings, bits),
             Quality::Step(cm) => self.by_steps(settings, &self.steps(cm)),
             Quality::Even(step) => self.by_steps(settings, &vec![65536.0 * step; self.columns.len()]),
         };
+        if settings.entropy == Some(EntropyId::FixedWidth) {
+            plan::level(&mut choices);
+        }
         // Rounding towards zero saves bits only where an entropy stage counts them.
         let dead = if matches!(quality, Quality::Bits(_)) { 0 } else { settings.dead };
         let parameters = plan::parameters(settings, &levels);

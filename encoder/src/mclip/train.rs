@@ -4,13 +4,15 @@
 //! one multiplier after the other: what it should make small is the error that motions have after they were coded with codes of
 //! so many bits, each motion counting by the logarithm of its error, so that a lively one counts no more than a calm one.
 
+use super::multipliers::{FEWEST_BITS, TRAINED};
 use super::plan::{self, Choice};
 use super::{Encoder, Settings};
-use super::multipliers::{FEWEST_BITS, TRAINED};
 use decoder_core::quantise::Adaptive;
-use decoder_core::quantise::adaptive::CLASSES;
 use decoder_core::quantise::step::MAX_STEP;
 use rayon::prelude::*;
+
+/// Magnitudes of a code of four bits.
+const MAGNITUDES: usize = 8;
 
 /// Largest magnitude of a multiplier that is tried, in eighths of its logarithm.
 const MOST: i8 = 32;
@@ -28,8 +30,9 @@ pub struct Score {
 /// How steps adapt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Steps {
-    /// log₂ of the step multipliers in eighths, for the classes of a code's magnitude.
-    pub multipliers: [i8; CLASSES],
+    /// log₂ of the step multipliers in eighths, for the magnitudes 0 to 7 of a code of four bits; of longer codes the
+    /// first four bits count, and shorter ones are as if zeros followed.
+    pub multipliers: [i8; MAGNITUDES],
     /// Index of the lowest step. Where a channel rests its step falls, and all that is lower takes a frame more
     /// for each two or three multiplications to follow when it moves again.
     pub lowest: u8,
@@ -37,8 +40,8 @@ pub struct Steps {
 
 impl Steps {
     /// The quantiser of a clip.
-    pub(super) const fn quantiser(self) -> Adaptive {
-        Adaptive { multipliers: self.multipliers, low: self.lowest, high: MAX_STEP }
+    pub(super) fn quantiser(self) -> Adaptive {
+        Adaptive { multipliers: plan::classes(self.multipliers), low: self.lowest, high: MAX_STEP }
     }
 }
 
@@ -56,7 +59,7 @@ pub fn jayant(bits: u8) -> Steps {
         3 => &[0.90, 0.90, 1.25, 1.75],
         _ => &[0.90, 0.90, 0.90, 0.90, 1.20, 1.60, 2.00, 2.40],
     };
-    let multiplier = |class| (8.0 * f64::log2(beta[class * beta.len() / CLASSES])).round() as i8;
+    let multiplier = |class| (8.0 * f64::log2(beta[class * beta.len() / MAGNITUDES])).round() as i8;
     Steps { multipliers: std::array::from_fn(multiplier), lowest: LOWEST }
 }
 
@@ -94,7 +97,7 @@ pub fn train(encoders: &[Encoder<'_>], settings: &Settings, bits: u8, search: Se
     let settings = |steps| Settings { steps: Some(steps), ..*settings };
     // First steps that owe nothing to the multipliers: the best of many for one table is lucky with it, and what is
     // tried next would not be.
-    let still = Steps { multipliers: [0; CLASSES], lowest: 0 };
+    let still = Steps { multipliers: [0; MAGNITUDES], lowest: 0 };
     let choices = choices(encoders, &settings(still), bits);
     let objective = |steps| -> f64 {
         let parts = encoders.iter().zip(&choices);
@@ -146,9 +149,9 @@ fn descend(objective: impl Fn(Steps) -> f64, start: Steps, bits: u8, search: Sea
 /// The classes that codes of so many bits have. Classes that no code has go with the one before.
 fn classes(bits: u8) -> Vec<std::ops::Range<usize>> {
     let mut starts: Vec<usize> =
-        (0..=1i32 << (bits - 1)).map(|magnitude| Adaptive::class(magnitude, bits)).collect();
+        (0..=1usize << (bits - 1)).map(|code| (code * 16 >> bits).min(MAGNITUDES - 1)).collect();
     starts.dedup();
-    let ends = starts.iter().skip(1).copied().chain([CLASSES]).collect::<Vec<_>>();
+    let ends = starts.iter().skip(1).copied().chain([MAGNITUDES]).collect::<Vec<_>>();
     starts.into_iter().zip(ends).map(|(start, end)| start..end).collect()
 }
 
@@ -165,7 +168,7 @@ fn score(encoder: &Encoder<'_>, settings: &Settings, choices: &[Choice]) -> Scor
     let sums = channels.filter(|((_, choice), _)| choice.bits > 0).map(|((column, choice), weight)| {
         let coded = column.plan(&settings, &parameters, *choice).run(&column.targets);
         let squares = weight * column.squared_error(&coded) / 65536.0 / 65536.0;
-        (squares, plan::entropy(&coded.symbols), coded.symbols.len())
+        (squares, plan::entropy(&coded.codes), coded.codes.len())
     });
     // In the order of channels, so that the sum is the same on every run.
     let sums: Vec<(f64, f64, usize)> = sums.collect();
@@ -208,10 +211,10 @@ mod tests {
         let encoders = [Encoder::new(&clip.skeleton, &clip.motion).unwrap()];
         let settings = Settings { adapt_step: true, ..Settings::new(CodecId::Adpcm) };
         for bits in [3, 4] {
-            let [lowest, all] = [Search::Lowest, Search::All]
-                .map(|search| train(&encoders, &settings, bits, search));
-            let [start, low, best] = [jayant(bits), lowest, all]
-                .map(|steps| scores(&encoders, &settings, bits, steps)[0].rms_cm);
+            let [lowest, all] =
+                [Search::Lowest, Search::All].map(|search| train(&encoders, &settings, bits, search));
+            let [start, low, best] =
+                [jayant(bits), lowest, all].map(|steps| scores(&encoders, &settings, bits, steps)[0].rms_cm);
             assert!(best < 0.95 * low && low <= start, "{bits} bits: {start} {low} {best}");
             assert_eq!(lowest.multipliers, jayant(bits).multipliers);
             assert_eq!(train(&encoders, &settings, bits, Search::All), all);

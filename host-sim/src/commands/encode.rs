@@ -96,7 +96,7 @@ impl Codec {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Entropy {
+pub enum Entropy {
     /// Codes of fixed width.
     Fixed,
     /// Static Huffman codes.
@@ -106,7 +106,8 @@ enum Entropy {
 }
 
 impl Entropy {
-    const fn id(self) -> EntropyId {
+    /// As a header names it.
+    pub const fn id(self) -> EntropyId {
         match self {
             Self::Fixed => EntropyId::FixedWidth,
             Self::Huffman => EntropyId::Huffman,

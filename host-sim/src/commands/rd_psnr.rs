@@ -54,7 +54,9 @@ pub fn run(motions: &[Named], db: f64, json: bool) -> Result<ExitCode> {
         println!("{:#}", serde_json::json!({ "psnr_db": db, "clips": rows, "order": order }));
         return Ok(ExitCode::SUCCESS);
     }
-    println!("Each motion at {db} dB or more. Ratios are of 16-bit samples to codes, and to the whole file.\n");
+    println!(
+        "Each motion at {db} dB or more. Ratios are of 16-bit samples to codes, and to the whole file.\n"
+    );
     println!("method                        clip       bits  PSNR dB   bits/s   ratio  of file");
     for row in &rows {
         println!(

@@ -1,6 +1,6 @@
 //! `bunraku train`: step multipliers of the adaptive quantiser, from motions.
 
-use super::rd::load;
+use super::rd::named;
 use anyhow::{Context, Result};
 use decoder_core::mclip::CodecId;
 use encoder::mclip::train::{Score, Search, Steps, scores, train};
@@ -64,10 +64,7 @@ struct Mean {
 impl Mean {
     fn of(scores: &[Score]) -> Self {
         let mean = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
-        Self {
-            rms_cm: mean(|score| score.rms_cm.ln()).exp(),
-            entropy_bits: mean(|score| score.entropy_bits),
-        }
+        Self { rms_cm: mean(|score| score.rms_cm.ln()).exp(), entropy_bits: mean(|score| score.entropy_bits) }
     }
 
     /// Bits of a code that this saves for the same error, a bit halving it: in codes of fixed width, and in codes of
@@ -88,8 +85,12 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if !args.json {
         let of = if args.held_out.is_empty() { "the same motions" } else { "the motions held out" };
         println!("Root mean square displacement of the joints in cm on {of}, and bits that the trained");
-        println!("multipliers save against Jayant's for the same error, with fixed-width codes and by entropy:\n");
-        println!("bits     still    Jayant   trained   saved fixed, entropy   log2 of multipliers in eighths, lowest");
+        println!(
+            "multipliers save against Jayant's for the same error, with fixed-width codes and by entropy:\n"
+        );
+        println!(
+            "bits     still    Jayant   trained   saved fixed, entropy   log2 of multipliers in eighths, lowest"
+        );
     }
     for bits in fewest..=most {
         let jayant = train(&training, &settings, bits, Search::Lowest);
@@ -120,8 +121,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
 fn motions(paths: &[PathBuf], fps: &[f64]) -> Result<Vec<Named>> {
     let mut all = Vec::new();
     for path in paths {
-        let (name, clip) = load(path)?;
-        let named = Named { name, clip };
+        let named = named(path, None)?;
         if fps.is_empty() {
             all.push(named);
         } else {
@@ -152,7 +152,10 @@ fn source(args: &Args, rows: &[Row]) -> Result<String> {
     };
     let rates: Vec<String> = args.fps.iter().map(f64::to_string).collect();
     let mut out = String::new();
-    writeln!(out, "//! Step multipliers of the adaptive quantiser (7-7), trained on motions. Written by a command:")?;
+    writeln!(
+        out,
+        "//! Step multipliers of the adaptive quantiser (7-7), trained on motions. Written by a command:"
+    )?;
     writeln!(out, "//!")?;
     let mut words = vec!["bunraku train".to_owned()];
     words.extend(names(&args.inputs));
@@ -170,7 +173,10 @@ fn source(args: &Args, rows: &[Row]) -> Result<String> {
     }
     writeln!(out, "//! ```")?;
     writeln!(out, "//!")?;
-    writeln!(out, "//! Displacement of the joints (root mean square, in cm) that remained on the motions held out:")?;
+    writeln!(
+        out,
+        "//! Displacement of the joints (root mean square, in cm) that remained on the motions held out:"
+    )?;
     writeln!(out, "//!")?;
     writeln!(out, "//! | bits | steps that stay | Jayant's multipliers | these |")?;
     writeln!(out, "//! |---|---|---|---|")?;
@@ -181,7 +187,10 @@ fn source(args: &Args, rows: &[Row]) -> Result<String> {
     let fewest = rows.first().map_or(0, |row| row.bits);
     writeln!(out, "\n/// Bits of the codes that the first table is for; each one after it has a bit more.")?;
     writeln!(out, "pub const FEWEST_BITS: u8 = {fewest};\n")?;
-    writeln!(out, "/// log₂ β in eighths for the eight classes of a code's magnitude, and the index of the lowest step.")?;
+    writeln!(
+        out,
+        "/// log₂ β in eighths for the eight classes of a code's magnitude, and the index of the lowest step."
+    )?;
     writeln!(out, "pub const TRAINED: [([i8; 8], u8); {}] = [", rows.len())?;
     for Row { steps, .. } in rows {
         writeln!(out, "    ({:?}, {}),", steps.multipliers, steps.lowest)?;
