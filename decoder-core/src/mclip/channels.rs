@@ -3,12 +3,12 @@
 //! They are functions of their own, never inlined: together they would share registers, and each would keep its
 //! pointers on the stack. What codes come from is given and returned by value for the same reason.
 
-use super::codec::{Adaptation, Adpcm, Codec};
+use super::codec::{Adpcm, Codec};
 use super::state::{State, pair, unpair};
 use crate::bits::BitReader;
 use crate::entropy::fixed_width::{OCTET, field};
 use crate::entropy::{FixedWidth, SymbolSource};
-use crate::predict::{Constant, Correlation, First, Predict, Second};
+use crate::predict::{Constant, Correlation, First, Predict, Second, Slots};
 use crate::quantise::{Quantise, Uniform};
 use fixed::types::I16F16;
 
@@ -92,6 +92,8 @@ pub(super) struct Channels<'c> {
     pub pose: &'c mut [I16F16],
     pub states: &'c mut [State],
     pub correlations: &'c mut [Correlation],
+    /// The windows of predictors that have a sliding one, channel after channel.
+    pub rings: &'c mut [u16],
     /// Frames since the entry point.
     pub frame: u32,
 }
@@ -100,7 +102,7 @@ impl Channels<'_> {
     /// Goes on to the next frame, whose codes `choose` gives.
     #[inline(always)]
     pub fn step<C: Choose>(self, codec: &Codec<'_>, choose: &mut C) {
-        let Self { pose, states, correlations, frame } = self;
+        let Self { pose, states, correlations, rings, frame } = self;
         match codec {
             Codec::Pcm => serial(pose, states, &Constant, &Uniform, choose),
             Codec::MuLaw(law) => serial(pose, states, &First, law, choose),
@@ -110,7 +112,18 @@ impl Channels<'_> {
                 serial(pose, states, &Second, quantiser, choose);
             }
             Codec::Adpcm(Adpcm { quantiser, predictor: Some(adaptation) }) => {
-                adaptive(pose, states, correlations, *adaptation, frame, quantiser, choose);
+                let words = adaptation.ring_words();
+                if words == 0 {
+                    let window = adaptation.window.into();
+                    let follow =
+                        correlations.iter_mut().map(|correlation| Exponential { correlation, window });
+                    adaptive(pose, states, follow, adaptation.period, frame, quantiser, choose);
+                } else {
+                    let slots = Slots::at(frame, adaptation.window);
+                    let rings = correlations.iter_mut().zip(rings.chunks_exact_mut(words));
+                    let follow = rings.map(|(correlation, ring)| Sliding { correlation, ring, slots });
+                    adaptive(pose, states, follow, adaptation.period, frame, quantiser, choose);
+                }
             }
             Codec::Qmd(table) => serial(pose, states, &First, table, choose),
         }
@@ -172,31 +185,76 @@ fn serial<P: Predict, Q: Quantise, C: Choose>(
     choose.end(running);
 }
 
+/// What follows a channel's movements.
+trait Follow {
+    fn correlation(&self) -> &Correlation;
+
+    /// Takes in a movement.
+    fn add(&mut self, movement: i32);
+}
+
+/// By an exponential window.
+struct Exponential<'c> {
+    correlation: &'c mut Correlation,
+    window: u32,
+}
+
+impl Follow for Exponential<'_> {
+    #[inline(always)]
+    fn correlation(&self) -> &Correlation {
+        self.correlation
+    }
+
+    #[inline(always)]
+    fn add(&mut self, movement: i32) {
+        self.correlation.add(movement, self.window);
+    }
+}
+
+/// By a sliding window.
+struct Sliding<'c> {
+    correlation: &'c mut Correlation,
+    ring: &'c mut [u16],
+    slots: Slots,
+}
+
+impl Follow for Sliding<'_> {
+    #[inline(always)]
+    fn correlation(&self) -> &Correlation {
+        self.correlation
+    }
+
+    #[inline(always)]
+    fn add(&mut self, movement: i32) {
+        self.correlation.slide(movement, self.ring, self.slots);
+    }
+}
+
 /// Channel after channel, where coefficients follow the channel.
 ///
 /// Channel c solves for its coefficients after frame n since the entry point where n + c is a multiple of the
 /// period, so that the divisions of a frame's channels are spread over the period.
 #[inline(never)]
-fn adaptive<Q: Quantise, C: Choose>(
+fn adaptive<F: Follow, Q: Quantise, C: Choose>(
     pose: &mut [I16F16],
     states: &mut [State],
-    correlations: &mut [Correlation],
-    adaptation: Adaptation,
+    followers: impl Iterator<Item = F>,
+    period: u8,
     frame: u32,
     quantise: &Q,
     choose: &mut C,
 ) {
     let mut running = choose.begin();
-    let mask = 1u32.wrapping_shl(adaptation.period.into()).wrapping_sub(1);
+    let mask = 1u32.wrapping_shl(period.into()).wrapping_sub(1);
     let mut channel = 0usize;
-    for ((value, state), correlation) in pose.iter_mut().zip(states).zip(correlations) {
+    for ((value, state), mut follower) in pose.iter_mut().zip(states).zip(followers) {
         let last = value.to_bits();
-        let predicted = correlation.predict(unpair(state.second), last);
+        let predicted = follower.correlation().predict(unpair(state.second), last);
         if let Some(code) = choose.code(&mut running, channel, predicted, quantise, state) {
             let next = predicted.wrapping_add(quantise.difference(code, &mut state.step, state.bits));
-            correlation.add(next.wrapping_sub(last), adaptation.window.into());
+            follower.add(next.wrapping_sub(last));
             if frame.wrapping_add(channel as u32) & mask == 0 {
-                state.second = pair(correlation.solve());
+                state.second = pair(follower.correlation().solve());
             }
             *value = I16F16::from_bits(next);
         }

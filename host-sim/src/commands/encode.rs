@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use clap::ValueEnum;
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::Clip;
-use encoder::mclip::{Encoder, Predictor, Settings, Target};
+use encoder::mclip::{Density, Encoder, Predictor, Settings, Target};
 use encoder::metrics::Evaluator;
 use encoder::qmd::{self, Parameters};
 use host_sim::files;
@@ -50,6 +50,12 @@ pub struct Args {
     /// What adapts (--codec adpcm).
     #[arg(long, value_enum, default_value_t = Adapt::Predictor)]
     adapt: Adapt,
+    /// Window of a predictor that adapts: the last 15 to 120 frames, or an exponential one of 2^1 to 2^14 (1 to 14).
+    #[arg(long, value_name = "FRAMES", default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=120))]
+    window: u8,
+    /// Levels of the table (--codec qmd, .mclip).
+    #[arg(long, value_enum, default_value_t = Levels::Fitted)]
+    levels: Levels,
     /// Frames from one entry point to the next (.mclip).
     #[arg(long, value_name = "FRAMES", default_value_t = 480, value_parser = clap::value_parser!(u32).range(1..))]
     entry: u32,
@@ -127,6 +133,26 @@ enum Adapt {
     Both,
 }
 
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Levels {
+    /// Fitted to the motion, for all channels together.
+    Fitted,
+    /// Max's quantiser of the Gaussian density, in each channel's best scale.
+    Gaussian,
+    /// Max's quantiser of the Laplacian density, in each channel's best scale.
+    Laplacian,
+}
+
+impl Levels {
+    const fn density(self) -> Option<Density> {
+        match self {
+            Self::Fitted => None,
+            Self::Gaussian => Some(Density::Gaussian),
+            Self::Laplacian => Some(Density::Laplacian),
+        }
+    }
+}
+
 /// A number above 0.
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
@@ -199,8 +225,12 @@ fn settings(args: &Args, codec: Codec) -> Settings {
         predictor: if codec == Codec::Adpcm && args.adapt == Adapt::Step {
             Predictor::Second
         } else {
-            standard.predictor
+            match standard.predictor {
+                Predictor::Adaptive { period, .. } => Predictor::Adaptive { window: args.window, period },
+                fixed => fixed,
+            }
         },
+        density: args.levels.density(),
         ..standard
     }
 }
