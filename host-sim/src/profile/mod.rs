@@ -57,6 +57,25 @@ pub fn mclip_images(clip: &[u8], targets: &[&str], verify_blocks: bool) -> Resul
     image.build()
 }
 
+/// Builds the image that decodes prefix codes by a table and bit by bit, for each of Rust's `targets`. What is measured of it is
+/// a frame of codes, by the table first and then bit by bit, in turns.
+///
+/// # Errors
+/// As [`Image::build`].
+pub fn prefix_images(targets: &[&str]) -> Result<Vec<Vec<u8>>> {
+    let image = Image {
+        package: "profile-image",
+        source: "tests/profile-image",
+        binary: "prefix",
+        features: "",
+        targets,
+        folder: "profile",
+        files: &[],
+        variables: &[],
+    };
+    image.build()
+}
+
 /// Builds the image that plays `clip` on the servos of a joint map, given as its bytes, as [`images`] does. What is
 /// measured of it is a tick.
 ///
