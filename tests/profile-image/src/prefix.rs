@@ -4,13 +4,15 @@
 #![no_std]
 #![no_main]
 
+mod ends;
+
 use core::hint::black_box;
-use core::panic::PanicInfo;
 use cortex_m_rt::entry;
 use decoder_core::arithmetic::signed;
 use decoder_core::bits::BitReader;
 use decoder_core::entropy::SymbolSource;
 use decoder_core::entropy::huffman::{Huffman, INDEX_BITS};
+use ends::{failed, finished};
 
 /// Codes of a frame.
 const COUNT: usize = 256;
@@ -136,27 +138,4 @@ fn bit_by_bit(serial: &Serial, bytes: &[u8], codes: &mut [i32]) {
             signed(symbol.into())
         };
     }
-}
-
-/// Where the image ends up when all went well.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn finished() -> ! {
-    loop {
-        black_box(());
-    }
-}
-
-/// Where it ends up otherwise.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn failed() -> ! {
-    loop {
-        black_box(1);
-    }
-}
-
-#[panic_handler]
-fn panic(_: &PanicInfo<'_>) -> ! {
-    failed()
 }
