@@ -155,7 +155,7 @@ mod tests {
                 let mut reader = BitReader::at(&bytes, position);
                 assert_eq!(reader.position(), position);
                 let expected = reference(&bytes, position, count);
-                let signed = expected as i32 - ((expected >> count.max(1) - 1 & 1) << count) as i32;
+                let signed = expected as i32 - ((expected >> (count.max(1) - 1) & 1) << count) as i32;
                 if count > 0 {
                     assert_eq!(reader.clone().take_signed(count), signed);
                 }

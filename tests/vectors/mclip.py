@@ -58,7 +58,7 @@ class Bits:
 
     def signed(self, count):
         value = self.take(count)
-        return value - (value >> count - 1 << count)
+        return value - (value >> (count - 1) << count)
 
     def align(self):
         self.at = (self.at + 7) // 8 * 8

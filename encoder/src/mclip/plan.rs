@@ -62,7 +62,7 @@ pub(super) fn step_index(words: f64) -> u8 {
 /// Gives channels at rest codes too, where all others of their octet have codes of one width: a decoder takes the codes of
 /// equal octets several times as fast.
 pub(super) fn level(choices: &mut [Choice]) {
-    for octet in choices.chunks_exact_mut(OCTET) {
+    for octet in choices.chunks_mut(OCTET) {
         let width = octet.iter().map(|choice| choice.bits).max().unwrap_or(0);
         if octet.iter().all(|choice| choice.bits == 0 || choice.bits == width) {
             octet.iter_mut().for_each(|choice| choice.bits = width);
