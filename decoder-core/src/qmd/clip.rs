@@ -41,6 +41,8 @@ impl<'a> Clip<'a> {
         let mut cursor = Cursor { rest: bytes, at: 0 };
         let header = cursor.header(None, limits)?;
         let layout = header.layout;
+        // Before what follows the header, as a stream does, so that both name the same of two errors.
+        let mut frames = add_frames(0, header.rows, limits)?;
         let channels = usize::from(layout.channels);
         let levels_at = cursor.at;
         let levels = cursor.take(channels, Field::Level)?;
@@ -49,13 +51,12 @@ impl<'a> Clip<'a> {
         }
         let pose = cursor.take(channels.saturating_mul(4), Field::Pose)?;
         let first = cursor.segment(header)?;
-        let mut frames = add_frames(0, header.rows, limits)?;
         let mut segments = 1u32;
         let rest = cursor.rest;
         while !cursor.rest.is_empty() {
             let header = cursor.header(Some(layout), limits)?;
-            cursor.segment(header)?;
             frames = add_frames(frames, header.rows, limits)?;
+            cursor.segment(header)?;
             segments = segments.saturating_add(1);
         }
         Ok(Self { layout, frames, segments, levels, pose, first, rest })

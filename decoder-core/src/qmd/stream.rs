@@ -363,6 +363,16 @@ mod tests {
     }
 
     #[test]
+    fn of_two_errors_both_name_the_first() {
+        let mut bytes = testing::clip(testing::layouts()[18], &[2, 3], &mut Random(15));
+        bytes[SEGMENT_HEADER_BYTES] = 0;
+        let limits = Limits { channels: 3, frames: 1 };
+        let error = Error::Limit { field: Field::Frames, found: 2, limit: 1 };
+        assert_eq!(Clip::parse(&bytes, limits).unwrap_err(), error);
+        assert_eq!(play(&bytes, limits, || 7).1, Err(error));
+    }
+
+    #[test]
     fn every_truncation_is_told_at_the_end() {
         let bytes = testing::clip(testing::layouts()[18], &[2, 3], &mut Random(13));
         for len in 0..bytes.len() {
