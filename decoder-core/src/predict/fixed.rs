@@ -48,12 +48,12 @@ impl Predict for Second {
 mod tests {
     use super::*;
     use crate::predict::ONE;
-    use crate::testing::Random;
+    use crate::testing::{Random, times};
 
     #[test]
     fn predictions_are_the_formula_to_a_few_last_places() {
         let mut random = Random(5);
-        for _ in 0..200_000 {
+        for _ in 0..times(200_000, 500) {
             // Within ±4096 units, so that nothing wraps.
             let (last, before) = (random.next() as i32 >> 3, random.next() as i32 >> 3);
             let coefficients = [random.next() as i16, random.next() as i16];

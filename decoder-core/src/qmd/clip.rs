@@ -184,6 +184,7 @@ impl<'a> Cursor<'a> {
 mod tests {
     use super::*;
     use crate::qmd::testing::{self, Random};
+    use crate::testing::{stride, times};
     use std::vec;
 
     const SMALL: Layout = Layout { channels: 3, rate_centihertz: 12000, fixed_channels: 1, index_bits: 8 };
@@ -210,7 +211,7 @@ mod tests {
         // 1037 + 5m + n(4 FDF + m − FDF) for FDF = 6, b = 8 and one segment: Table 1 prints 11.9 KiB for the jog
         // of 136 frames, 28.1 for the walk of 343, 177.2 for the sword play of 2251.
         let layout = Layout { channels: 62, rate_centihertz: 0, fixed_channels: 6, index_bits: 8 };
-        for (frames, tenths_of_kib) in [(136, 119), (343, 281), (2251, 1772)] {
+        for (frames, tenths_of_kib) in [(136, 119), (343, 281), (2251, 1772)].into_iter().step_by(stride(3)) {
             let bytes = testing::clip(layout, &[frames], &mut Random(1));
             assert_eq!(bytes.len(), 1037 + 5 * 62 + frames as usize * (4 * 6 + 62 - 6));
             assert_eq!((bytes.len() as f64 / 102.4).round() as u32, tenths_of_kib);
@@ -232,7 +233,7 @@ mod tests {
         let bytes = testing::clip(SMALL, &[4, 3], &mut Random(3));
         let first =
             SEGMENT_HEADER_BYTES + SMALL.opening_bytes() + SMALL.table_bytes() + 4 * SMALL.row_bytes();
-        for len in 0..bytes.len() {
+        for len in (0..bytes.len()).step_by(stride(41)) {
             match decode_all(&bytes[..len]) {
                 Ok(frames) => assert_eq!((len, frames), (first, 4)),
                 Err(Error::Truncated { at, needed, found, .. }) => {
@@ -248,19 +249,19 @@ mod tests {
     fn every_bit_flip_is_decoded_or_refused() {
         let bytes = testing::clip(SMALL, &[4, 3], &mut Random(4));
         let mut refused = 0;
-        for bit in 0..bytes.len() * 8 {
+        for bit in (0..bytes.len() * 8).step_by(stride(397)) {
             let mut flipped = bytes.clone();
             flipped[bit / 8] ^= 1 << (bit % 8);
             refused += u32::from(decode_all(&flipped).is_err());
         }
         // Nearly all of both headers: all bits but those of the first rate, and of a level that stays above 0.
-        assert!(refused > 100, "{refused}");
+        assert!(cfg!(miri) || refused > 100, "{refused}");
     }
 
     #[test]
     fn random_bytes_are_refused() {
         let mut random = Random(5);
-        for _ in 0..20_000 {
+        for _ in 0..times(20_000, 20) {
             let len = random.below(2000);
             let bytes: Vec<u8> = (0..len).map(|_| random.next() as u8).collect();
             assert!(decode_all(&bytes).is_err());

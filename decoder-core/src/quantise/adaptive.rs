@@ -49,6 +49,7 @@ impl Quantise for Adaptive {
 mod tests {
     use super::*;
     use crate::quantise::step::{MAX_STEP, size};
+    use crate::testing::stride;
 
     /// All steps, widths and symbols, with multipliers that reach past both bounds.
     #[test]
@@ -58,7 +59,7 @@ mod tests {
         for multipliers in tables {
             for (low, high) in [(0, MAX_STEP), (40, 160), (77, 77)] {
                 let quantiser = Adaptive { multipliers, low, high };
-                for step in low..=high {
+                for step in (low..=high).step_by(stride(67)) {
                     for bits in 1..=8u8 {
                         for symbol in 0..1u32 << bits {
                             let mut cell = Cell { step, bits };
@@ -77,7 +78,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(transitions, 3 * (200 + 121 + 1) * 510);
+        assert!(cfg!(miri) || transitions == 3 * (200 + 121 + 1) * 510, "{transitions}");
     }
 
     /// Every symbol with more bits than a prefix table holds: the index stays bounded.
@@ -86,7 +87,7 @@ mod tests {
         let quantiser = Adaptive { multipliers: [-9, -3, 0, 1, 2, 5, 9, 127], low: 10, high: 190 };
         for bits in 9..=16u8 {
             let mut cell = Cell { step: 100, bits };
-            for symbol in 0..1u32 << bits {
+            for symbol in (0..1u32 << bits).step_by(stride(509)) {
                 quantiser.difference(symbol, &mut cell);
                 assert!((10..=190).contains(&cell.step));
             }
