@@ -2,34 +2,13 @@
 //! and against every mutant (docs/TESTING.md).
 #![allow(clippy::unwrap_used)]
 
-use decoder_core::mclip::{self, BLOCK_HEADER_BYTES, Memory, Needs, Receiver, State};
-use decoder_core::predict::Correlation;
+mod common;
+
+use common::{LIMITS, Lent, Vector, block_buffer, vectors};
+use decoder_core::mclip::{self, Receiver};
 use decoder_core::qmd::{self, MAX_INDEX_BITS};
-use decoder_core::{Error, I16F16, Limits};
+use decoder_core::{Error, I16F16};
 use sha2::{Digest, Sha256};
-use std::fs;
-use std::path::Path;
-
-const LIMITS: Limits = Limits { channels: 300, frames: 20_000 };
-
-struct Vector {
-    name: String,
-    bytes: Vec<u8>,
-    /// SHA-256 of the frames' words, little-endian, in hexadecimal digits.
-    sha256: String,
-}
-
-/// The vectors that a list of hashes names. Miri leaves out those of more than 1.5 KB, which take it minutes.
-fn vectors(list: &str) -> Vec<Vector> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/vectors");
-    let sums = fs::read_to_string(folder.join(list)).unwrap();
-    let vectors = sums.lines().map(|line| {
-        let (sha256, name) = line.split_once("  ").unwrap();
-        let bytes = fs::read(folder.join(name)).unwrap();
-        Vector { name: name.to_owned(), bytes, sha256: sha256.to_owned() }
-    });
-    vectors.filter(|vector| !cfg!(miri) || vector.bytes.len() < 1500).collect()
-}
 
 /// Chunks to stream in.
 const CHUNKS: &[usize] = if cfg!(miri) { &[61] } else { &[1, 3, 61, 1 << 20] };
@@ -83,31 +62,6 @@ fn qmd_streamed() {
     }
 }
 
-/// Memory for a decoder of mclip.
-struct Lent {
-    pose: Vec<I16F16>,
-    states: Vec<State>,
-    correlations: Vec<Correlation>,
-    words: Vec<u16>,
-}
-
-impl Lent {
-    /// Exactly what is needed, filled with noise.
-    fn new(needs: Needs) -> Self {
-        Self {
-            pose: vec![I16F16::MAX; needs.channels],
-            states: vec![State::EMPTY; needs.channels],
-            correlations: vec![Correlation::EMPTY; needs.correlations],
-            words: vec![0xa5a5; needs.words],
-        }
-    }
-
-    fn memory(&mut self) -> Memory<'_> {
-        let Self { pose, states, correlations, words } = self;
-        Memory { pose, states, correlations, words }
-    }
-}
-
 #[test]
 fn mclip_in_place() {
     for Vector { name, bytes, sha256 } in vectors("SHA256SUMS.mclip") {
@@ -150,7 +104,7 @@ fn streamed(bytes: &[u8], size: usize) -> Result<String, Error> {
     }
     let header = receiver.finish(LIMITS)?;
     let mut lent = Lent::new(header.needs());
-    let mut block = vec![0; usize::from(header.opening().block_bytes).max(BLOCK_HEADER_BYTES)];
+    let mut block = block_buffer(&header);
     let mut stream = mclip::Stream::new(header, lent.memory(), &mut block)?;
     let mut sha = Sha256::new();
     loop {

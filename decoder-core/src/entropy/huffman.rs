@@ -279,7 +279,7 @@ mod tests {
             let mut memory = std::vec![0; Shape::read(&bytes).unwrap().words()];
             let mut huffman = Huffman::build(&bytes, &mut memory).unwrap();
             for (group, lengths) in tables.iter().enumerate() {
-                for window in (0..=u16::MAX).step_by(stride(8009)) {
+                for window in (0..=u16::MAX).step_by(stride(32_003)) {
                     let data = [(window >> 8) as u8, window as u8, 0xa5];
                     let mut bits = BitReader::new(&data);
                     let mut context = Context { group: group as u8, activity: 0 };
