@@ -196,23 +196,24 @@ fn what_adapts_is_read_as_it_is_written_and_in_its_ranges() {
         }
     }
     let bytes = vector(CodecId::Adpcm, None);
-    // Eight multipliers, the lowest and the highest step, window and period.
+    // Sixteen multipliers, the lowest and the highest step, window and period.
     let with = |low: u8, high: u8, window: u8, period: u8| {
-        let parameters = [1, 0x80, 3, 4, 5, 6, 7, 127, low, high, window, period];
+        let multipliers = [1, 0x80, 3, 4, 5, 6, 7, 127, 8, 9, 10, 11, 12, 13, 14, 255];
+        let parameters = [&multipliers[..], &[low, high, window, period]].concat();
         let changed = rebuilt(&bytes, |o| (o.parameters, o.ram) = (&parameters, u32::MAX));
         let header = Header::parse(&changed, LIMITS)?;
         let Codec::Adpcm(adpcm) = header.codec() else { panic!("another codec") };
-        assert_eq!(adpcm.bytes(), parameters);
+        assert_eq!(adpcm.bytes(), parameters.as_slice());
         assert_eq!(header.needs().correlations > 0, window > 0);
         Ok(())
     };
     assert_eq!(with(0, 199, 0, 0), Ok(()));
-    assert_eq!(with(199, 199, 14, 14), Ok(()));
+    assert_eq!(with(199, 199, 6, 14), Ok(()));
     assert_eq!(with(5, 9, 1, 0), Ok(()));
     assert_eq!(with(0, 200, 0, 0), Err(malformed(Field::Parameters, 200, 0, 199)));
     assert_eq!(with(9, 8, 0, 0), Err(malformed(Field::Parameters, 8, 9, 199)));
-    assert_eq!(with(0, 199, 15, 0), Err(malformed(Field::Parameters, 15, 0, 14)));
-    assert_eq!(with(0, 199, 14, 15), Err(malformed(Field::Parameters, 15, 0, 14)));
+    assert_eq!(with(0, 199, 7, 0), Err(malformed(Field::Parameters, 7, 0, 6)));
+    assert_eq!(with(0, 199, 6, 15), Err(malformed(Field::Parameters, 15, 0, 14)));
     assert_eq!(with(0, 199, 0, 1), Err(malformed(Field::Parameters, 1, 0, 0)));
 }
 

@@ -150,13 +150,16 @@ impl<'m> Encoder<'m> {
 
     /// Encodes with these settings, in the smallest entropy stage unless one is given.
     pub fn encode(&self, settings: &Settings, quality: Quality) -> Vec<u8> {
-        let (levels, choices) = match quality {
+        let (levels, mut choices) = match quality {
             Quality::Bits(bits) => self.by_bits(settings, bits),
             Quality::Step(cm) => {
                 let parameters = plan::parameters(settings, &[]);
                 (Vec::new(), plan::by_steps(&self.columns, settings, &parameters, &self.steps(cm)))
             }
         };
+        if settings.entropy == Some(EntropyId::FixedWidth) {
+            plan::level(&mut choices);
+        }
         // Rounding towards zero saves bits only where an entropy stage counts them.
         let dead = if matches!(quality, Quality::Step(_)) { settings.dead } else { 0 };
         let parameters = plan::parameters(settings, &levels);

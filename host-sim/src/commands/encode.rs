@@ -90,7 +90,7 @@ impl Codec {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Entropy {
+pub enum Entropy {
     /// Codes of fixed width.
     Fixed,
     /// Static Huffman codes.
@@ -100,7 +100,8 @@ enum Entropy {
 }
 
 impl Entropy {
-    const fn id(self) -> EntropyId {
+    /// As a header names it.
+    pub const fn id(self) -> EntropyId {
         match self {
             Self::Fixed => EntropyId::FixedWidth,
             Self::Huffman => EntropyId::Huffman,
