@@ -41,7 +41,8 @@ fn tables(description: &[u8]) -> Vec<Table> {
 
 /// The code at the front of `window`, and the bits that it takes.
 fn bit_by_bit(table: &Table, window: u32) -> (i32, usize) {
-    let signed = |symbol: usize| if symbol % 2 == 0 { symbol as i32 / 2 } else { -(symbol as i32 + 1) / 2 };
+    let signed =
+        |symbol: usize| if symbol.is_multiple_of(2) { symbol as i32 / 2 } else { -(symbol as i32 + 1) / 2 };
     let lengths = match table {
         Table::Only(symbol) => return (signed((*symbol).into()), 0),
         Table::Lengths(lengths) => lengths,

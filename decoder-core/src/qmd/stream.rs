@@ -328,10 +328,10 @@ mod tests {
     #[test]
     fn any_chunking_gives_the_frames_of_the_clip_in_memory() {
         let mut random = Random(11);
-        for layout in testing::layouts().into_iter().filter(testing::affordable).step_by(stride(3)) {
+        for layout in testing::layouts().into_iter().filter(testing::affordable).step_by(stride(6)) {
             let bytes = testing::clip(layout, &[2, 3], &mut random);
             let expected = testing::reference(&bytes);
-            for size in [1, 2, 3, 5, 13, 64, 1021, usize::MAX].into_iter().step_by(stride(5)) {
+            for size in [1, 2, 3, 5, 13, 64, 1021, usize::MAX].into_iter().step_by(stride(8)) {
                 let (frames, end) = play(&bytes, Limits::MAX, || size);
                 assert_eq!((frames.as_slice(), end), (expected.as_slice(), Ok(())), "{layout:?} by {size}");
             }
@@ -347,7 +347,7 @@ mod tests {
         let sound = testing::clip(layout, &[2, 3], &mut random);
         let limits = Limits { channels: 3, frames: 5 };
         let mut refused = 0;
-        for bit in (0..sound.len() * 8).step_by(stride(397)) {
+        for bit in (0..sound.len() * 8).step_by(stride(1201)) {
             let mut bytes = sound.clone();
             bytes[bit / 8] ^= 1 << (bit % 8);
             let whole = Clip::parse(&bytes, limits).map(|clip| clip.frames());
