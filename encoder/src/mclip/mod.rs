@@ -359,6 +359,22 @@ mod tests {
     }
 
     #[test]
+    fn a_channel_is_tried_as_the_clip_will_have_it() {
+        let clip = sample::clip();
+        let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
+        let settings = Settings { dead: 0, ..Settings::new(CodecId::Adpcm) };
+        let parameters = plan::parameters(&settings, &[]);
+        let choices = plan::by_bits(&encoder.columns, &settings, &parameters, 6);
+        let coded = encoder.plan(&settings, &parameters, &choices).run(&encoder.source.targets);
+        let channels = encoder.source.channels;
+        for (index, (column, &choice)) in encoder.columns.iter().zip(&choices).enumerate() {
+            let alone = column.run(&settings, &parameters, choice);
+            let there: Vec<i32> = coded.decoded.iter().skip(index).step_by(channels).copied().collect();
+            assert_eq!(alone.decoded, there, "channel {index}");
+        }
+    }
+
+    #[test]
     fn fewer_levels_cost_fewer_bytes_and_more_error() {
         let clip = sample::clip();
         let evaluator = Evaluator::new(&clip.skeleton, &clip.motion).unwrap();

@@ -70,6 +70,8 @@ pub(super) fn level(choices: &mut [Choice]) {
 
 /// One channel of a motion.
 pub(super) struct Column {
+    /// Its place among the channels.
+    pub index: usize,
     pub targets: Vec<i32>,
     pub low: i32,
     pub high: i32,
@@ -85,7 +87,7 @@ impl Column {
                 let targets = column(channel);
                 let low = targets.iter().copied().min().unwrap_or(0);
                 let high = targets.iter().copied().max().unwrap_or(0);
-                Self { targets, low, high }
+                Self { index: channel, targets, low, high }
             })
             .collect()
     }
@@ -118,6 +120,29 @@ impl Column {
             };
         }
         channel
+    }
+
+    /// What the decoder makes of this channel alone.
+    ///
+    /// A predictor that adapts does so on frames that depend on the channel's place, so channels at rest stand before
+    /// this one: otherwise a code may be wider in the clip than it was here, and would be cut off.
+    pub fn run(&self, settings: &Settings, parameters: &[u8], choice: Choice) -> Coded {
+        let before = match settings.predictor {
+            Predictor::Adaptive { period, .. } => self.index % (1 << period),
+            _ => 0,
+        };
+        let rest = Self { index: 0, targets: Vec::new(), low: 0, high: 0 };
+        let still = Choice { bits: 0, step: 0, coefficients: [0, 0] };
+        let mut plan = self.plan(settings, parameters, choice);
+        plan.opening.channels += before as u16;
+        plan.channels.splice(..0, (0..before).map(|_| rest.record(settings.codec, "", 0, still)));
+        let mut targets = vec![0; self.targets.len() * (before + 1)];
+        for (row, &target) in targets.chunks_exact_mut(before + 1).zip(&self.targets) {
+            row[before] = target;
+        }
+        let mut coded = plan.run(&targets);
+        coded.decoded = coded.decoded.into_iter().skip(before).step_by(before + 1).collect();
+        coded
     }
 
     /// A plan for this channel alone.
@@ -207,7 +232,7 @@ pub(super) fn by_steps(
         }
         let tried = candidates(settings.predictor, column).into_iter().map(|coefficients| {
             let choice = Choice { bits: MAX_BITS, step: step_index(step), coefficients };
-            let coded = column.plan(settings, parameters, choice).run(&column.targets);
+            let coded = column.run(settings, parameters, choice);
             (entropy(&coded.codes), Choice { bits: bits_for(&coded.codes), ..choice })
         });
         match tried.min_by(|a, b| a.0.total_cmp(&b.0)) {
@@ -235,7 +260,7 @@ pub(super) fn by_bits(columns: &[Column], settings: &Settings, parameters: &[u8]
         let mut attempt = |step: u8| {
             for &coefficients in &candidates {
                 let choice = Choice { bits, step, coefficients };
-                let coded = column.plan(settings, parameters, choice).run(&column.targets);
+                let coded = column.run(settings, parameters, choice);
                 let error = column.squared_error(&coded);
                 if error < best.0 {
                     best = (error, choice);
