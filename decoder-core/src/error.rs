@@ -272,4 +272,46 @@ mod tests {
             assert_eq!(error.to_string(), sentence);
         }
     }
+
+    /// Two fields of one name would be one in a sentence.
+    #[test]
+    fn fields_have_names_of_their_own() {
+        let mut names = FIELDS.map(Field::name);
+        names.sort_unstable();
+        assert!(names.windows(2).all(|pair| pair[0] < pair[1]), "{names:?}");
+        assert!(names.iter().all(|name| name.len() > 3));
+    }
+
+    const FIELDS: [Field; 30] = [
+        Field::Frames,
+        Field::Channels,
+        Field::Rate,
+        Field::FixedChannels,
+        Field::IndexBits,
+        Field::Level,
+        Field::Pose,
+        Field::Table,
+        Field::Rows,
+        Field::Magic,
+        Field::Version,
+        Field::Header,
+        Field::Codec,
+        Field::Parameters,
+        Field::Entropy,
+        Field::CodeTables,
+        Field::Ram,
+        Field::Delay,
+        Field::Cycles,
+        Field::Channel,
+        Field::Bits,
+        Field::Step,
+        Field::Group,
+        Field::BlockHeader,
+        Field::BlockLength,
+        Field::FirstFrame,
+        Field::Entry,
+        Field::Payload,
+        Field::States,
+        Field::Correlations,
+    ];
 }

@@ -275,6 +275,31 @@ fn a_damaged_block_is_passed_by_seeking_to_the_next_entry_point() {
     assert_eq!(clip.entries() as usize, blocks.iter().filter(|(block, _)| block.entry).count());
 }
 
+#[test]
+fn a_verified_clip_has_no_damaged_block() {
+    let bytes = of_blocks();
+    let (sound, _) = in_place(&bytes);
+    let clip = Clip::parse(&bytes, LIMITS).unwrap();
+    assert!(!clip.is_verified());
+    let verified = clip.verify().unwrap();
+    assert!(verified.is_verified());
+    let mut lent = Lent::new(clip.header().needs());
+    let mut decoder = verified.decoder(lent.memory()).unwrap();
+    for frame in &sound {
+        assert_eq!(decoder.next_frame().unwrap(), Some(frame.as_slice()));
+    }
+    for (number, at) in offsets(&bytes).into_iter().enumerate() {
+        let mut damaged = bytes.clone();
+        damaged[at + BLOCK_HEADER_BYTES] ^= 1;
+        let error = Clip::parse(&damaged, LIMITS).unwrap().verify().unwrap_err();
+        let place = at;
+        assert!(
+            matches!(error, Error::Checksum { field: Field::Payload, at, .. } if at == place),
+            "{number}: {error}"
+        );
+    }
+}
+
 /// Loses the bytes from `lost` on, in chunks of any size; goes on at the block `next`.
 fn numbers_after_loss(bytes: &[u8], lost: usize, next: usize, size: usize) -> Vec<usize> {
     let (sound, _) = in_place(bytes);

@@ -39,7 +39,9 @@ fn qmd_in_place() {
                 decoder.rewind();
                 assert_eq!(decoder.position(), 0);
             }
+            assert_eq!(decoder.clip().layout(), clip.layout());
         }
+        assert_eq!(clip.rate_centihertz().to_le_bytes(), bytes[6..8]);
     }
 }
 
@@ -57,6 +59,7 @@ fn qmd_streamed() {
                 }
             }
             assert_eq!(stream.finish(), Ok(()));
+            assert_eq!(stream.layout(), Some(qmd::Clip::parse(&bytes, LIMITS).unwrap().layout()));
             assert_eq!(hex(sha), sha256, "{name} in chunks of {size}");
         }
     }
