@@ -291,6 +291,26 @@ mod tests {
     }
 
     #[test]
+    fn values_that_no_encoder_writes_are_refused_where_they_are() {
+        let sound = testing::clip(SMALL, &[4, 3], &mut Random(8));
+        for (field, at, value, found, low, high) in [
+            (Field::Frames, 0, &[0; 4][..], 0, 1, u32::MAX),
+            (Field::Channels, 4, &[0, 0], 0, 1, 65535),
+            (Field::FixedChannels, 8, &[4, 0, 0, 0], 4, 0, 3),
+            (Field::FixedChannels, 8, &[1, 0, 1, 0], 0x1_0001, 0, 3),
+            (Field::IndexBits, 12, &[7], 7, 8, 16),
+            (Field::IndexBits, 12, &[17], 17, 8, 16),
+            (Field::Level, 13, &[0], 0, 1, 255),
+            (Field::Level, 15, &[0], 0, 1, 255),
+        ] {
+            let mut bytes = sound.clone();
+            bytes[at..at + value.len()].copy_from_slice(value);
+            let error = Error::Malformed { field, at, found, low, high };
+            assert_eq!(Clip::parse(&bytes, Limits::MAX).unwrap_err(), error);
+        }
+    }
+
+    #[test]
     fn a_later_segment_must_repeat_the_layout() {
         let mut bytes = testing::clip(SMALL, &[1, 1], &mut Random(7));
         let second = bytes.len() - SEGMENT_HEADER_BYTES - SMALL.table_bytes() - SMALL.row_bytes();
