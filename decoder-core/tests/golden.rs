@@ -76,6 +76,7 @@ fn mclip_in_place() {
             let mut sha = Sha256::new();
             frames.clear();
             while let Some(pose) = decoder.next_frame().unwrap() {
+                assert_eq!(pose.len(), clip.channels());
                 add(&mut sha, pose);
                 frames.push(pose.to_vec());
             }

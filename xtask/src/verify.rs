@@ -104,7 +104,7 @@ pub fn miri() -> Result<()> {
         run(Command::new("cargo")
             .current_dir(workspace())
             .env("MIRIFLAGS", "-Zmiri-disable-isolation")
-            .args(["+nightly", "miri", "test", "--quiet", "--package", "decoder-core", "--lib", "--tests"])
+            .args(["+nightly", "miri", "test", "--quiet", "--package", "decoder-core", "--tests"])
             .args(["--target", target]))?;
     }
     Ok(())
@@ -164,12 +164,15 @@ pub fn mutants(arguments: &[String]) -> Result<()> {
     cargo_tool("mutants", "cargo-mutants")?;
     create_target()?;
     let output = workspace().join("target");
-    // Code that is compiled fast matters more than tests that run fast.
+    // Code that is compiled fast matters more than tests that run fast. The examples in the docs are left out: each is a
+    // program of its own.
     run(cargo()
+        .env("CARGO_PROFILE_DEV_OPT_LEVEL", "1")
         .args(["mutants", "--package", "decoder-core", "--jobs", "1", "--output"])
         .arg(output)
         .args(["--minimum-test-timeout", "60"])
-        .args(arguments))
+        .args(arguments)
+        .args(["--", "--lib", "--tests"]))
 }
 
 fn create_target() -> Result<()> {

@@ -75,6 +75,7 @@ mod tests {
         let nearest = |difference| table.nearest(difference, size(104), 2);
         assert_eq!([0, -60_000, 40_000, 150_000, i32::MAX].map(nearest), [0, -1, 1, -2, -2]);
         assert_eq!(table.nearest(150_000, size(104), 1), 0);
+        assert_eq!(table.levels(), 4);
         assert!(Lookup::new(&[]).is_none() && Lookup::new(&[1]).is_none());
     }
 }
