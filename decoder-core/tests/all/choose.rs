@@ -1,9 +1,6 @@
 //! The loop that encoders run: choosing the nearest codes to what was decoded gives the same frames again.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{LIMITS, Lent, header_bytes, vectors};
+use crate::common::{LIMITS, Lent, header_bytes, vectors};
 use decoder_core::I16F16;
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockHeader, Choose, Clip, Engine, State};
 use decoder_core::quantise::Quantise;

@@ -1,5 +1,4 @@
 //! The golden vectors, and memory for decoders.
-#![allow(dead_code, reason = "no test needs all of it")]
 
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, Header, Memory, Needs, Prefix, State};
 use decoder_core::predict::Correlation;

@@ -1,10 +1,7 @@
 //! Every window of 16 bits of every prefix table of the golden vectors, against a decoder that reads bit by bit from the
 //! tables' description (docs/FORMAT.md); and every transition of their adaptive quantisers.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{LIMITS, vectors};
+use crate::common::{LIMITS, vectors};
 use decoder_core::bits::BitReader;
 use decoder_core::entropy::{Huffman, SymbolSource};
 use decoder_core::mclip::{Codec, EntropyId, Header};

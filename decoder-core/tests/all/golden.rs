@@ -1,10 +1,7 @@
 //! The golden vectors by every way to decode, in the core's own tests: so they run under Miri, as big-endian code too,
 //! and against every mutant (docs/TESTING.md).
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{LIMITS, Lent, Vector, block_buffer, vectors};
+use crate::common::{LIMITS, Lent, Vector, block_buffer, vectors};
 use decoder_core::mclip::{self, Receiver};
 use decoder_core::qmd::{self, MAX_INDEX_BITS};
 use decoder_core::{Error, I16F16};

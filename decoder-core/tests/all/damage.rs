@@ -1,9 +1,6 @@
 //! Clips of mclip that were damaged, or are none: where each error is, and how decoding goes on after it.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{LIMITS, Lent, Vector, block_buffer, header_bytes, vectors};
+use crate::common::{LIMITS, Lent, Vector, block_buffer, header_bytes, vectors};
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockHeader, Clip, Header, Receiver, Stream};
 use decoder_core::{Error, Field, I16F16};
 

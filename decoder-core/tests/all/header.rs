@@ -1,9 +1,6 @@
 //! Headers of mclip with right checksums, of which one field at a time is wrong.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{LIMITS, Vector, header_bytes, vectors};
+use crate::common::{LIMITS, Vector, header_bytes, vectors};
 use decoder_core::mclip::{Clip, Codec, CodecId, EntropyId, Header, Opening, PREFIX_BYTES, Prefix, checksum};
 use decoder_core::{Error, Field, Limits};
 
@@ -239,7 +236,7 @@ fn tables_that_are_none_of_the_stages_are_refused() {
     let decoder = |tables: &[u8]| {
         let changed = rebuilt(&bytes, |o| o.tables = tables);
         let clip = Clip::parse(&changed, LIMITS).unwrap();
-        let mut lent = common::Lent::new(clip.header().needs());
+        let mut lent = crate::common::Lent::new(clip.header().needs());
         clip.decoder(lent.memory()).map(|_| ())
     };
     assert_eq!(decoder(&tables), Ok(()));
