@@ -58,7 +58,7 @@ impl Choose for Nearest<'_> {
 #[test]
 fn the_nearest_codes_to_a_clip_are_the_clip() {
     let (mut all, mut exact, mut codes, mut largest) = (0, 0, 0, 0);
-    for vector in vectors("SHA256SUMS.mclip") {
+    for vector in vectors("SHA256SUMS.mclip").into_iter().step_by(if cfg!(miri) { 4 } else { 1 }) {
         let bytes = &vector.bytes;
         let clip = Clip::parse(bytes, LIMITS).unwrap();
         let needs = clip.header().needs();
@@ -87,6 +87,8 @@ fn the_nearest_codes_to_a_clip_are_the_clip() {
         exact += usize::from(!wrapped);
     }
     println!("{exact} of {all} vectors do not wrap");
-    assert!(exact > if cfg!(miri) { 5 } else { 10 } && exact < all, "{exact} of {all}");
-    assert!(codes > 1000 && largest > 1 << 16, "{codes} {largest}");
+    if !cfg!(miri) {
+        assert!(exact > 10 && exact < all, "{exact} of {all}");
+        assert!(codes > 1000 && largest > 1 << 16, "{codes} {largest}");
+    }
 }
