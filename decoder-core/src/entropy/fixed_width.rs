@@ -39,7 +39,7 @@ pub fn field<const BITS: usize>(bytes: &[u8; BITS], lane: usize) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Random;
+    use crate::testing::{Random, times};
 
     #[test]
     fn codes_lie_bit_to_bit() {
@@ -60,7 +60,7 @@ mod tests {
     }
 
     fn check<const BITS: usize>(random: &mut Random) {
-        for _ in 0..2000 {
+        for _ in 0..times(2000, 20) {
             let bytes = [0; BITS].map(|_: u8| random.next() as u8);
             let mut bits = BitReader::new(&bytes);
             for lane in 0..OCTET {

@@ -62,6 +62,7 @@ impl Quantise for Adaptive {
 mod tests {
     use super::*;
     use crate::quantise::step::size;
+    use crate::testing::stride;
 
     /// All steps, widths and codes, with multipliers that reach past both bounds.
     #[test]
@@ -76,7 +77,7 @@ mod tests {
             for (low, high) in [(0, MAX_STEP), (40, 160), (77, 77)] {
                 let quantiser = Adaptive { multipliers, low, high };
                 assert_eq!(quantiser.adapts(), multipliers != [0; 16] || (low, high) != (0, MAX_STEP));
-                for index in low..=high {
+                for index in (low..=high).step_by(stride(67)) {
                     for bits in 1..=8u8 {
                         for code in -(1 << (bits - 1))..1i32 << (bits - 1) {
                             let mut step = i32::from(index);
@@ -93,7 +94,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(transitions, 3 * (200 + 121 + 1) * 510);
+        assert!(cfg!(miri) || transitions == 3 * (200 + 121 + 1) * 510, "{transitions}");
     }
 
     /// Every code of more bits than an octet's: the index stays bounded.
@@ -103,7 +104,7 @@ mod tests {
         let quantiser = Adaptive { multipliers, low: 10, high: 190 };
         for bits in 9..=16u8 {
             let mut step = 100;
-            for code in -(1 << (bits - 1))..1i32 << (bits - 1) {
+            for code in (-(1 << (bits - 1))..1i32 << (bits - 1)).step_by(stride(509)) {
                 quantiser.difference(code, &mut step, bits);
                 assert!((10..=190).contains(&step));
             }
