@@ -196,8 +196,8 @@ impl<'a, 's> Engine<'a, 's> {
         let mut running = choose.begin();
         let slots = self.pose.iter_mut().zip(self.states.iter_mut());
         let mut index = 0usize;
-        for ((value, state), channel) in slots.zip(self.header.unnamed_channels()) {
-            let bits = if has_values { channel.entry_bits() } else { 0 };
+        for ((value, state), channel) in slots.zip(self.header.channels()) {
+            let bits = if has_values { channel.entry_bits.into() } else { 0 };
             let shift = channel.entry_shift;
             let steps =
                 if bits == 0 { 0 } else { choose.entry(&mut running, index, channel.low, shift, bits) };

@@ -1,7 +1,7 @@
 //! What a decoder keeps of a channel.
 
 use super::codec::{Adpcm, Codec};
-use super::header::Channel;
+use super::record::Channel;
 use crate::quantise::{Grid, step};
 
 /// A channel between frames, in 12 bytes. Its last value is in the pose.

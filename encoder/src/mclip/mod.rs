@@ -13,6 +13,7 @@ mod max;
 mod multipliers;
 mod plan;
 mod prefix;
+mod record;
 mod run;
 mod target;
 pub mod train;
@@ -22,7 +23,7 @@ use crate::motion::Motion;
 use crate::qmd::{EncodeError, Source};
 use crate::skeleton::Skeleton;
 use decoder_core::Limits;
-use decoder_core::mclip::{Clip, CodecId, EntropyId, Opening, Unit};
+use decoder_core::mclip::{Clip, CodecId, EntropyId, Opening};
 use plan::{Choice, Column};
 use run::Plan;
 use train::Steps;
@@ -238,8 +239,8 @@ impl<'m> Encoder<'m> {
         let skeleton_channels = self.skeleton.channels.iter();
         let channels =
             skeleton_channels.zip(&self.columns).zip(choices).map(|((channel, column), choice)| {
-                let unit = if channel.kind.is_rotation() { Unit::Degrees } else { Unit::Centimetres };
-                column.record(settings.codec, &channel.name, unit.id(), *choice)
+                let joint = self.skeleton.joints[channel.joint].name.as_str();
+                decoder_core::mclip::Channel { joint, ..column.record(settings.codec, channel.kind, *choice) }
             });
         let hundredths = u32::from(self.source.rate_centihertz);
         let whole = hundredths.is_multiple_of(100);
@@ -257,8 +258,12 @@ impl<'m> Encoder<'m> {
                 parameters,
                 tables: &[],
                 cycles: &[],
+                predictors: &[],
+                records: &[],
+                names: &[],
             },
             channels: channels.collect(),
+            precision: plan::PRECISION,
             entry_frames: settings.entry_frames,
             dead: settings.dead,
         }
