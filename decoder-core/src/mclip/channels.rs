@@ -346,7 +346,7 @@ fn equal<'b, const BITS: usize, P: Predict, Q: Quantise>(
     let (whole, _) = whole.as_chunks::<BITS>();
     for ((octet, states), codes) in octets.iter_mut().zip(octets_states).zip(whole) {
         // Arrays: this loop is unrolled, and each code is at a place that the compiler knows.
-        for (lane, (value, state)) in octet.iter_mut().zip(states).enumerate() {
+        for (lane, (value, state)) in (0..OCTET).zip(octet.iter_mut().zip(states)) {
             step(value, state, codes, lane);
         }
     }
