@@ -15,3 +15,4 @@ mod qemu_log;
 pub mod rd;
 pub mod servos;
 pub mod thumb;
+pub mod within;

@@ -1,6 +1,7 @@
 //! Chooses what a codec's channels look like for a motion and a quality.
 
 use super::run::{Coded, Plan};
+use super::train::Steps;
 use super::{Predictor, Settings};
 use crate::qmd::Source;
 use decoder_core::entropy::fixed_width::OCTET;
@@ -38,18 +39,19 @@ pub(super) fn parameters(settings: &Settings, levels: &[u8]) -> Vec<u8> {
             _ => 2,
         }],
         CodecId::Adpcm => {
-            let multipliers = if settings.adapt_step { classes(settings.multipliers) } else { [0; CLASSES] };
+            let still = Adaptive { multipliers: [0; CLASSES], low: 0, high: MAX_STEP };
+            let quantiser = settings.steps.filter(|_| settings.adapt_step).map_or(still, Steps::quantiser);
             let predictor = match settings.predictor {
                 Predictor::Adaptive { window, period } => Some(Adaptation { window, period }),
                 _ => None,
             };
-            Adpcm { quantiser: Adaptive { multipliers, low: 0, high: MAX_STEP }, predictor }.bytes().to_vec()
+            Adpcm { quantiser, predictor }.bytes().to_vec()
         }
     }
 }
 
 /// The multipliers of codes' first four bits, from those of magnitudes 0 to 7: codes of four bits, of which −8 counts as 7.
-fn classes(of_magnitudes: [i8; 8]) -> [i8; CLASSES] {
+pub(super) fn classes(of_magnitudes: [i8; 8]) -> [i8; CLASSES] {
     std::array::from_fn(|class| of_magnitudes[if class < 8 { class } else { (16 - class).min(7) }])
 }
 
@@ -68,7 +70,7 @@ pub(super) fn step_index(words: f64) -> u8 {
 /// Gives channels at rest codes too, where all others of their octet have codes of one width: a decoder takes the codes of
 /// equal octets several times as fast.
 pub(super) fn level(choices: &mut [Choice]) {
-    for octet in choices.chunks_exact_mut(OCTET) {
+    for octet in choices.chunks_mut(OCTET) {
         let width = octet.iter().map(|choice| choice.bits).max().unwrap_or(0);
         if octet.iter().all(|choice| choice.bits == 0 || choice.bits == width) {
             octet.iter_mut().for_each(|choice| choice.bits = width);
@@ -78,6 +80,8 @@ pub(super) fn level(choices: &mut [Choice]) {
 
 /// One channel of a motion.
 pub(super) struct Column {
+    /// Its place among the channels.
+    pub index: usize,
     pub targets: Vec<i32>,
     pub low: i32,
     pub high: i32,
@@ -93,7 +97,7 @@ impl Column {
                 let targets = column(channel);
                 let low = targets.iter().copied().min().unwrap_or(0);
                 let high = targets.iter().copied().max().unwrap_or(0);
-                Self { targets, low, high }
+                Self { index: channel, targets, low, high }
             })
             .collect()
     }
@@ -134,8 +138,31 @@ impl Column {
         channel
     }
 
+    /// What the decoder makes of this channel alone.
+    ///
+    /// A predictor that adapts does so on frames that depend on the channel's place, so channels at rest stand before
+    /// this one: otherwise a code may be wider in the clip than it was here, and would be cut off.
+    pub fn run(&self, settings: &Settings, parameters: &[u8], choice: Choice) -> Coded {
+        let before = match settings.predictor {
+            Predictor::Adaptive { period, .. } => self.index % (1 << period),
+            _ => 0,
+        };
+        let rest = Self { index: 0, targets: Vec::new(), low: 0, high: 0 };
+        let still = Choice { bits: 0, step: 0, coefficients: [0, 0] };
+        let mut plan = self.plan(settings, parameters, choice);
+        plan.opening.channels += before as u16;
+        plan.channels.splice(..0, (0..before).map(|_| rest.record(settings.codec, ChannelKind::Rx, still)));
+        let mut targets = vec![0; self.targets.len() * (before + 1)];
+        for (row, &target) in targets.chunks_exact_mut(before + 1).zip(&self.targets) {
+            row[before] = target;
+        }
+        let mut coded = plan.run(&targets);
+        coded.decoded = coded.decoded.into_iter().skip(before).step_by(before + 1).collect();
+        coded
+    }
+
     /// A plan for this channel alone.
-    fn plan<'p>(&self, settings: &Settings, parameters: &'p [u8], choice: Choice) -> Plan<'p> {
+    pub fn plan<'p>(&self, settings: &Settings, parameters: &'p [u8], choice: Choice) -> Plan<'p> {
         Plan {
             opening: Opening {
                 rate_numerator: 1,
@@ -167,7 +194,7 @@ impl Column {
     }
 
     /// Sum of squared errors, in squared words.
-    fn squared_error(&self, coded: &Coded) -> f64 {
+    pub fn squared_error(&self, coded: &Coded) -> f64 {
         self.targets.iter().zip(&coded.decoded).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum()
     }
 }
@@ -206,7 +233,7 @@ fn candidates(predictor: Predictor, column: &Column) -> Vec<[i16; 2]> {
 }
 
 /// Bits of the codes by their own frequencies.
-fn entropy(codes: &[i32]) -> f64 {
+pub(super) fn entropy(codes: &[i32]) -> f64 {
     let mut sorted = codes.to_vec();
     sorted.sort_unstable();
     let total = codes.len() as f64;
@@ -238,7 +265,7 @@ pub(super) fn by_steps(
         }
         let tried = candidates(settings.predictor, column).into_iter().map(|coefficients| {
             let choice = Choice { bits: MAX_BITS, step: step_index(step), coefficients };
-            let coded = column.plan(settings, parameters, choice).run(&column.targets);
+            let coded = column.run(settings, parameters, choice);
             (entropy(&coded.codes), Choice { bits: bits_for(&coded.codes), ..choice })
         });
         match tried.min_by(|a, b| a.0.total_cmp(&b.0)) {
@@ -266,7 +293,7 @@ pub(super) fn by_bits(columns: &[Column], settings: &Settings, parameters: &[u8]
         let mut attempt = |step: u8| {
             for &coefficients in &candidates {
                 let choice = Choice { bits, step, coefficients };
-                let coded = column.plan(settings, parameters, choice).run(&column.targets);
+                let coded = column.run(settings, parameters, choice);
                 let error = column.squared_error(&coded);
                 if error < best.0 {
                     best = (error, choice);

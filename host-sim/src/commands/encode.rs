@@ -5,12 +5,15 @@ use anyhow::{Context, Result};
 use clap::ValueEnum;
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::Clip;
-use encoder::mclip::{Encoder, Predictor, Settings, Target};
+use encoder::mclip::{Density, Encoder, Predictor, Settings, Target};
 use encoder::metrics::Evaluator;
 use encoder::qmd::{self, Parameters};
 use host_sim::files;
+use host_sim::within::{self, Goal, Limit};
+use indicatif::ProgressBar;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 /// Encode motion capture (AMC with its ASF, or BVH) into a clip.
 ///
@@ -18,7 +21,7 @@ use std::process::ExitCode;
 /// should come to: bits of a code, a mean joint error, or a rate; 0.1 cm unless given.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  bunraku encode 02_01.amc --skeleton 02.asf --codec qmd -o walk.qmd\n  bunraku encode 02_01.amc --skeleton 02.asf --codec dpcm --target-error 0.1 -o walk.mclip"
+    after_help = "Examples:\n  bunraku encode 02_01.amc --skeleton 02.asf --codec qmd -o walk.qmd\n  bunraku encode 02_01.amc --skeleton 02.asf --codec dpcm --target-error 0.1 -o walk.mclip\n  bunraku encode 02_01.amc --skeleton 02.asf --target-error 0.1 --max-cycles 12000@cortex-m0plus -o walk.mclip"
 )]
 pub struct Args {
     /// The motion: .amc or .bvh.
@@ -37,12 +40,22 @@ pub struct Args {
     /// Bits per second to stay within (.mclip).
     #[arg(long, value_name = "BITS_PER_S", value_parser = positive, conflicts_with_all = ["bits", "target_error"])]
     target_rate: Option<f64>,
+    /// Most cycles that any frame may take: tries the codecs and entropy stages that are not given, counts the cycles of
+    /// each on a simulated core (cortex-m4 unless named), and keeps the best clip that is within (.mclip).
+    #[arg(long, value_name = "N[@CORE]")]
+    max_cycles: Option<Limit>,
     /// The entropy stage (.mclip); the smallest unless given.
     #[arg(long, value_enum)]
     entropy: Option<Entropy>,
     /// What adapts (--codec adpcm).
     #[arg(long, value_enum, default_value_t = Adapt::Predictor)]
     adapt: Adapt,
+    /// Window of a predictor that adapts: the last 15 to 120 frames, or an exponential one of 2^1 to 2^14 (1 to 14).
+    #[arg(long, value_name = "FRAMES", default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=120))]
+    window: u8,
+    /// Levels of the table (--codec qmd, .mclip).
+    #[arg(long, value_enum, default_value_t = Levels::Fitted)]
+    levels: Levels,
     /// Frames from one entry point to the next (.mclip).
     #[arg(long, value_name = "FRAMES", default_value_t = 480, value_parser = clap::value_parser!(u32).range(1..))]
     entry: u32,
@@ -120,6 +133,26 @@ enum Adapt {
     Both,
 }
 
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Levels {
+    /// Fitted to the motion, for all channels together.
+    Fitted,
+    /// Max's quantiser of the Gaussian density, in each channel's best scale.
+    Gaussian,
+    /// Max's quantiser of the Laplacian density, in each channel's best scale.
+    Laplacian,
+}
+
+impl Levels {
+    const fn density(self) -> Option<Density> {
+        match self {
+            Self::Fitted => None,
+            Self::Gaussian => Some(Density::Gaussian),
+            Self::Laplacian => Some(Density::Laplacian),
+        }
+    }
+}
+
 /// A number above 0.
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
@@ -135,6 +168,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if !in_blocks && codec != Codec::Qmd {
         usage(&format!("{output}: codec {name} needs a .mclip, for instance -o out.mclip"));
     }
+    if !in_blocks && args.max_cycles.is_some() {
+        usage(&format!("{output}: --max-cycles needs a .mclip"));
+    }
     if !in_blocks && (args.target_error.is_some() || args.target_rate.is_some()) {
         usage(&format!("{output}: a target needs a .mclip; for a .qmd there is bunraku optimize"));
     }
@@ -143,8 +179,12 @@ pub fn run(args: Args) -> Result<ExitCode> {
         usage(&format!("{output}: --bits is {bits}, expected {low} to {high}"));
     }
     let clip = args.source.load(&args.input)?;
-    let bytes = if in_blocks { mclip(&args, codec, &clip) } else { qmd(&args, &clip) };
-    let bytes = bytes.with_context(|| format!("cannot encode {}", args.input.display()))?;
+    let bytes = if in_blocks {
+        mclip(&args, codec, &clip)
+    } else {
+        qmd(&args, &clip).map(|bytes| (bytes, codec.id()))
+    };
+    let (bytes, codec) = bytes.with_context(|| format!("cannot encode {}", args.input.display()))?;
     files::write(&args.output, |file| Ok(file.write_all(&bytes)?))?;
     let (frames, channels) = (clip.motion.frames(), clip.motion.channels);
     let ratio = (frames * channels * 4) as f64 / bytes.len() as f64;
@@ -152,7 +192,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if args.json {
         let report = serde_json::json!({
             "output": args.output, "frames": frames, "channels": channels, "fps": clip.motion.fps,
-            "bytes": bytes.len(), "ratio_f32": ratio, "bits_per_s": rate, "codec": codec.id().name(),
+            "bytes": bytes.len(), "ratio_f32": ratio, "bits_per_s": rate, "codec": codec.name(),
         });
         println!("{report:#}");
     } else {
@@ -185,8 +225,12 @@ fn settings(args: &Args, codec: Codec) -> Settings {
         predictor: if codec == Codec::Adpcm && args.adapt == Adapt::Step {
             Predictor::Second
         } else {
-            standard.predictor
+            match standard.predictor {
+                Predictor::Adaptive { period, .. } => Predictor::Adaptive { window: args.window, period },
+                fixed => fixed,
+            }
         },
+        density: args.levels.density(),
         ..standard
     }
 }
@@ -196,17 +240,22 @@ fn usage(message: &str) -> ! {
     clap::Command::new("bunraku encode").error(clap::error::ErrorKind::ValueValidation, message).exit()
 }
 
-fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<Vec<u8>> {
+/// The clip, and its codec.
+fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<(Vec<u8>, CodecId)> {
     let settings = settings(args, codec);
     let encoder = Encoder::new(&clip.skeleton, &clip.motion)?;
-    if let Some(bits) = args.bits {
-        return Ok(encoder.encode(&settings, encoder::mclip::Quality::Bits(bits)));
-    }
+    let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
     let target = match args.target_rate {
         Some(rate) => Target::Rate(rate),
         None => Target::Error(args.target_error.unwrap_or(0.1)),
     };
-    let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
+    if let Some(limit) = args.max_cycles {
+        let goal = args.bits.map_or(Goal::Target(target), Goal::Bits);
+        return within(args, &settings, &encoder, &evaluator, goal, limit);
+    }
+    if let Some(bits) = args.bits {
+        return Ok((encoder.encode(&settings, encoder::mclip::Quality::Bits(bits)), settings.codec));
+    }
     let encoded = encoder.encode_to(&settings, target, &evaluator);
     let (name, rate) = (args.output.display(), encoder.rate(&encoded.bytes));
     match target {
@@ -223,5 +272,32 @@ fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<Vec<u8>> {
         }
         _ => {}
     }
-    Ok(encoded.bytes)
+    Ok((encoded.bytes, settings.codec))
+}
+
+/// The best clip whose most expensive frame is within a limit.
+fn within(
+    args: &Args,
+    base: &Settings,
+    encoder: &Encoder<'_>,
+    evaluator: &Evaluator,
+    goal: Goal,
+    limit: Limit,
+) -> Result<(Vec<u8>, CodecId)> {
+    let candidates = within::candidates(base, args.codec.map(Codec::id), args.entropy.map(Entropy::id));
+    let spinner = ProgressBar::new_spinner();
+    spinner.enable_steady_tick(Duration::from_millis(100));
+    let tell = &mut |what| spinner.set_message(what);
+    let found = within::best(encoder, evaluator, &candidates, goal, limit, tell);
+    spinner.finish_and_clear();
+    let found = found?;
+    eprintln!(
+        "{}: {}; a frame takes at most {} cycles on {}, {:.4} cm",
+        args.output.display(),
+        within::name(&found.settings),
+        found.cycles_max,
+        limit.core.name(),
+        found.encoded.mean_joint_cm
+    );
+    Ok((found.encoded.bytes, found.settings.codec))
 }

@@ -29,7 +29,7 @@ pub enum Packer {
 /// All packers.
 pub const PACKERS: [Packer; 5] = [Packer::Raw, Packer::Heatshrink, Packer::Tamp, Packer::Lz4, Packer::Miniz];
 
-/// Bits of tamp's window. With more of them nothing became smaller by more than 2 % on CMU clips.
+/// Bits of tamp's window. Differences, which pack best, took the fewest bytes with these on CMU clips, to half a percent.
 const TAMP_WINDOW_BITS: &str = "10";
 
 impl Packer {
