@@ -118,7 +118,11 @@ impl Channels<'_> {
                     let slots = Slots::at(frame, adaptation.window);
                     let rings = correlations.iter_mut().zip(rings.chunks_exact_mut(words));
                     let follow = rings.map(|(correlation, ring)| Sliding { correlation, ring, slots });
-                    adaptive(pose, states, follow, quantiser, choose);
+                    if quantiser.adapts() {
+                        adaptive(pose, states, follow, quantiser, choose);
+                    } else {
+                        adaptive(pose, states, follow, &Uniform, choose);
+                    }
                 } else {
                     let window = adaptation.window.into();
                     let follow =
