@@ -61,12 +61,14 @@ pub enum Field {
     Cycles,
     /// What a header says of a channel.
     Channel,
-    /// Unit of a channel.
-    Unit,
-    /// Lowest and highest value of a channel.
-    Range,
-    /// Shift of the values of a channel at an entry point.
-    EntryShift,
+    /// Names of joints.
+    Names,
+    /// Coefficients of predictors.
+    Predictor,
+    /// What a channel moves.
+    Kind,
+    /// Bits of a channel's value at an entry point.
+    EntryBits,
     /// Bits of a channel's codes.
     Bits,
     /// Index of a channel's step.
@@ -113,9 +115,10 @@ impl Field {
             Self::Delay => "delay",
             Self::Cycles => "certified cycles",
             Self::Channel => "channel's record",
-            Self::Unit => "unit",
-            Self::Range => "range of a channel",
-            Self::EntryShift => "entry shift",
+            Self::Names => "names of joints",
+            Self::Predictor => "predictor's coefficients",
+            Self::Kind => "channel's kind",
+            Self::EntryBits => "bits of a channel's value at an entry point",
             Self::Bits => "bits of a code",
             Self::Step => "step index",
             Self::Group => "group",

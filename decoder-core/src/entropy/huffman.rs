@@ -122,7 +122,7 @@ impl Shape {
 /// The class, of `classes`, that a channel is in after a code.
 fn next_class(class: u8, code: i32, classes: u8) -> u8 {
     let magnitude = code.unsigned_abs();
-    let level = LEVEL_ENDS.iter().filter(|&&end| magnitude > end).count() as u8;
+    let level = LEVEL_ENDS.iter().fold(0u8, |level, &end| level.wrapping_add((magnitude > end).into()));
     let level = level.min(classes.wrapping_sub(1));
     level.max(class.saturating_sub(1))
 }

@@ -16,10 +16,10 @@ pub const MAX_REFLECTION: i32 = 15 << 10;
 
 /// Movements are kept in 512ths of a unit, up to 8 units a frame: in 13 bits, so that a window of their products is in
 /// a word.
-const SHIFT: u32 = 7;
+pub(super) const SHIFT: u32 = 7;
 
 /// Largest movement that is kept.
-const MOST: i32 = (1 << 12) - 1;
+pub(super) const MOST: i32 = (1 << 12) - 1;
 
 /// R(0) below which there was too little movement to say: sums do not decay to zero.
 const LEAST: i32 = 256;
@@ -31,9 +31,9 @@ pub const MAX_WINDOW: u8 = 6;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Correlation {
     /// d(n − 1) and d(n − 2).
-    movements: [i16; 2],
-    /// R(0), R(1) and R(2), decaying sums of products, below 2³¹.
-    sums: [i32; 3],
+    pub(super) movements: [i16; 2],
+    /// R(0), R(1) and R(2), sums of products, decaying or of a window; below 2³¹.
+    pub(super) sums: [i32; 3],
 }
 
 impl Correlation {
