@@ -257,7 +257,8 @@ impl<'a> Channels<'a> {
             check(Field::EntryBits, at, channel.entry_bits.into(), 0, most_entry_bits)?;
             check(Field::Group, at, channel.group.into(), 0, bounds.group.into())?;
         }
-        let used = self.start.saturating_add(self.bits.position().div_ceil(8));
+        let bytes = self.bits.position().saturating_add(7) >> 3;
+        let used = self.start.saturating_add(bytes);
         if self.bits.overrun() || used != self.end {
             return Err(Error::Encoding { field: Field::Channel, at: used });
         }
