@@ -118,7 +118,12 @@ impl Channels<'_> {
                     let slots = Slots::at(frame, adaptation.window);
                     let rings = correlations.iter_mut().zip(rings.chunks_exact_mut(words));
                     let follow = rings.map(|(correlation, ring)| Sliding { correlation, ring, slots });
-                    adaptive(pose, states, follow, quantiser, choose);
+                    // A step that does not adapt is kept as a size, not as an index.
+                    if quantiser.adapts() {
+                        adaptive(pose, states, follow, quantiser, choose);
+                    } else {
+                        adaptive(pose, states, follow, &Uniform, choose);
+                    }
                 } else {
                     let window = adaptation.window.into();
                     let follow =
