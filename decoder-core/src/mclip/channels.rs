@@ -118,6 +118,7 @@ impl Channels<'_> {
                     let slots = Slots::at(frame, adaptation.window);
                     let rings = correlations.iter_mut().zip(rings.chunks_exact_mut(words));
                     let follow = rings.map(|(correlation, ring)| Sliding { correlation, ring, slots });
+                    // A step that does not adapt is kept as a size, not as an index.
                     if quantiser.adapts() {
                         adaptive(pose, states, follow, quantiser, choose);
                     } else {

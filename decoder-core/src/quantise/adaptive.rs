@@ -97,6 +97,17 @@ mod tests {
         assert!(cfg!(miri) || transitions == 3 * (200 + 121 + 1) * 510, "{transitions}");
     }
 
+    #[test]
+    fn the_nearest_code_to_a_codes_difference_is_that_code() {
+        let quantiser = Adaptive { multipliers: [3; CLASSES], low: 0, high: MAX_STEP };
+        for index in [0, 40, 99, 160] {
+            for code in -16..16 {
+                let difference = quantiser.difference(code, &mut i32::from(index), 5);
+                assert_eq!(quantiser.nearest(difference, index.into(), 5), code);
+            }
+        }
+    }
+
     /// Every code of more bits than an octet's: the index stays bounded.
     #[test]
     fn wide_codes_are_bounded_too() {
