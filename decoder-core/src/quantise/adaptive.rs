@@ -102,8 +102,8 @@ mod tests {
         let quantiser = Adaptive { multipliers: [3; CLASSES], low: 0, high: MAX_STEP };
         for index in [0, 40, 99, 160] {
             for code in -16..16 {
-                let difference = quantiser.difference(code, &mut i32::from(index), 5);
-                assert_eq!(quantiser.nearest(difference, index.into(), 5), code);
+                let difference = quantiser.difference(code, &mut { index }, 5);
+                assert_eq!(quantiser.nearest(difference, index, 5), code);
             }
         }
     }
