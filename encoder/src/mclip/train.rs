@@ -149,7 +149,7 @@ fn descend(objective: impl Fn(Steps) -> f64, start: Steps, bits: u8, search: Sea
 /// The classes that codes of so many bits have. Classes that no code has go with the one before.
 fn classes(bits: u8) -> Vec<std::ops::Range<usize>> {
     let mut starts: Vec<usize> =
-        (0..=1usize << (bits - 1)).map(|code| (code * 16 >> bits).min(MAGNITUDES - 1)).collect();
+        (0..=1usize << (bits - 1)).map(|code| ((code * 16) >> bits).min(MAGNITUDES - 1)).collect();
     starts.dedup();
     let ends = starts.iter().skip(1).copied().chain([MAGNITUDES]).collect::<Vec<_>>();
     starts.into_iter().zip(ends).map(|(start, end)| start..end).collect()
