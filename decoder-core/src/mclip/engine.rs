@@ -196,7 +196,7 @@ impl<'a, 's> Engine<'a, 's> {
         let mut running = choose.begin();
         let slots = self.pose.iter_mut().zip(self.states.iter_mut());
         let mut index = 0usize;
-        for ((value, state), channel) in slots.zip(self.header.channels()) {
+        for ((value, state), channel) in slots.zip(self.header.channels().unnamed()) {
             let bits = if has_values { channel.entry_bits.into() } else { 0 };
             let shift = channel.entry_shift;
             let steps =
