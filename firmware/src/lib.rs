@@ -4,6 +4,7 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
+pub mod bus;
 pub mod clock;
 pub mod drive;
 pub mod dynamixel;
