@@ -207,6 +207,11 @@ impl Settings {
         }
     }
 
+    /// Ticks over which one clip fades into the next.
+    pub const fn fade_ticks(&self) -> u32 {
+        self.ticks(self.fade_millis)
+    }
+
     /// Ticks in `millis`, rounded up.
     pub const fn ticks(&self, millis: u16) -> u32 {
         (millis as u32 * self.tick_hz as u32).div_ceil(1000)
@@ -335,6 +340,12 @@ impl<const N: usize> JointMap<N> {
     /// The joints, at least one, in the order of their buses.
     pub fn joints(&self) -> &[Joint] {
         &self.joints
+    }
+
+    /// Whether the servo of joint `index` tells where it is.
+    pub fn reads(&self, index: usize) -> bool {
+        let bus = self.joints.get(index).and_then(|joint| self.buses.get(usize::from(joint.bus)));
+        bus.is_some_and(|bus| bus.kind.reads())
     }
 
     /// The numbers of the joints on a bus.
