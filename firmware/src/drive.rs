@@ -81,3 +81,153 @@ async fn act<B: ServoBus>(bus: &mut B, ids: &[u8], action: Action) -> Result<(),
         },
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bus::{BusError, Goal};
+    use crate::machine::tests::{Clips, SERVOS, map};
+    use crate::machine::{Show, Start};
+    use crate::map::Settings;
+    use core::future::Future;
+    use core::pin::pin;
+    use core::task::{Context, Poll, Waker};
+
+    fn ready<T>(future: impl Future<Output = T>) -> T {
+        match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+            Poll::Ready(value) => value,
+            Poll::Pending => panic!("nothing here waits"),
+        }
+    }
+
+    /// What the bus was asked, in order.
+    #[derive(Debug, PartialEq, Eq)]
+    enum Asked {
+        Ping(usize),
+        Torque(usize, bool),
+        Goals(Vec<i32, 4>),
+        Read,
+        Reboot(usize),
+        Watchdog(u16),
+    }
+
+    #[derive(Default)]
+    struct Bench {
+        asked: std::vec::Vec<Asked>,
+        position: [i32; SERVOS],
+        torque: [bool; SERVOS],
+    }
+
+    impl ServoBus for Bench {
+        fn reads(&self, _: usize) -> bool {
+            true
+        }
+        async fn ping(&mut self, _: &[u8], index: usize) -> Result<(), BusError> {
+            self.asked.push(Asked::Ping(index));
+            Ok(())
+        }
+        async fn set_torque(&mut self, _: &[u8], index: usize, on: bool) -> Result<(), BusError> {
+            self.asked.push(Asked::Torque(index, on));
+            self.torque[index] = on;
+            // One servo never lets go.
+            if index == 0 && !on { Err(BusError::NoReply) } else { Ok(()) }
+        }
+        async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
+            assert!(goals.iter().map(|goal| goal.id).eq(1..=SERVOS as u8));
+            self.asked.push(Asked::Goals(goals.iter().map(|goal| goal.position).collect()));
+            for (index, goal) in goals.iter().enumerate() {
+                if self.torque[index] {
+                    self.position[index] = goal.position;
+                }
+            }
+            Ok(())
+        }
+        async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
+            assert_eq!(ids.len(), readings.len());
+            self.asked.push(Asked::Read);
+            for (index, reading) in readings.iter_mut().enumerate() {
+                *reading = Some(Reading {
+                    position: self.position[index],
+                    temperature: None,
+                    millivolts: None,
+                    load: None,
+                    hardware_error: 0,
+                    torque: Some(self.torque[index]),
+                });
+            }
+            Ok(())
+        }
+        async fn reboot(&mut self, _: &[u8], index: usize) -> Result<(), BusError> {
+            self.asked.push(Asked::Reboot(index));
+            Ok(())
+        }
+        async fn set_watchdog(&mut self, _: &[u8], millis: u16) -> Result<(), BusError> {
+            self.asked.push(Asked::Watchdog(millis));
+            Err(BusError::Unsupported)
+        }
+    }
+
+    struct Script {
+        until: u32,
+        fed: u32,
+        ticks: u32,
+    }
+
+    impl Surroundings<Clips, 4> for Script {
+        async fn wait(&mut self, tick: u32) -> bool {
+            assert_eq!(tick, self.ticks);
+            false
+        }
+        fn control(&mut self, machine: &mut Machine<'_, Clips, 4>, feedback: &Feedback<'_>) -> bool {
+            assert_eq!(feedback.readings.len(), SERVOS);
+            self.ticks += 1;
+            self.ticks <= self.until && !machine.at_rest()
+        }
+        fn feed(&mut self) {
+            self.fed += 1;
+        }
+    }
+
+    #[test]
+    fn servos_are_found_read_and_turned_on_where_they_are() {
+        let map = map(Settings::new(100));
+        let show = Show { playlist: &[1], ..Show::default() };
+        let mut machine = Machine::new(&map, Clips::default(), show, Start::Power);
+        let mut bus = Bench { position: [2100, 1900, 2000], ..Bench::default() };
+        let mut script = Script { until: 2000, fed: 0, ticks: 0 };
+        let ticks = ready(drive(&mut machine, &mut bus, &mut script));
+        assert_eq!((script.fed, script.ticks), (ticks, ticks + 1));
+        assert_eq!(machine.state(), State::Resting);
+        assert_eq!(bus.position, [2000; SERVOS]);
+        let goals = || Asked::Goals([2100, 1900, 2000].into_iter().collect());
+        let expected = [
+            Asked::Ping(0),
+            Asked::Ping(1),
+            Asked::Ping(2),
+            Asked::Read,
+            goals(),
+            Asked::Watchdog(0),
+            Asked::Read,
+            goals(),
+            Asked::Torque(0, true),
+            Asked::Read,
+            goals(),
+            Asked::Torque(1, true),
+            Asked::Read,
+            goals(),
+            Asked::Torque(2, true),
+            Asked::Read,
+        ];
+        assert_eq!(bus.asked[..expected.len()], expected);
+        // A bus without watchdogs is asked once, not for ever.
+        let asked = bus.asked.iter().filter(|asked| **asked == Asked::Watchdog(200)).count();
+        assert_eq!(asked, 1);
+    }
+
+    #[test]
+    fn those_that_can_be_let_go_are() {
+        let mut bus = Bench { torque: [true; SERVOS], ..Bench::default() };
+        assert_eq!(ready(act(&mut bus, &[1, 2, 3], Action::TorqueOff)), Err(BusError::NoReply));
+        assert_eq!(bus.torque, [false; SERVOS]);
+    }
+}

@@ -23,7 +23,7 @@ use heapless::Vec;
 
 mod plan;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use plan::{Action, After, Command, Plan, Show, Start, State};
 

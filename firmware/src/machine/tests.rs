@@ -7,17 +7,17 @@ use decoder_core::{Error, Field, I16F16};
 use proptest::prelude::*;
 use std::collections::HashMap;
 
-const SERVOS: usize = 3;
+pub(crate) const SERVOS: usize = 3;
 const HZ: u16 = 100;
 
 /// Clips of one channel a servo, from formulas.
 #[derive(Default)]
-struct Clips {
+pub(crate) struct Clips {
     open: usize,
     damaged_at: Option<u32>,
 }
 
-struct Formula {
+pub(crate) struct Formula {
     clip: u16,
     next: u32,
     frame: [I16F16; SERVOS],
@@ -99,7 +99,7 @@ fn joint(id: u8) -> Joint {
     }
 }
 
-fn map(settings: Settings) -> JointMap<4> {
+pub(crate) fn map(settings: Settings) -> JointMap<4> {
     let buses = [BusSpec { kind: BusKind::Dynamixel, baud: 1_000_000 }].into_iter().collect();
     JointMap::new(settings, buses, (1..=SERVOS as u8).map(joint).collect()).unwrap()
 }
