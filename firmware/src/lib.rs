@@ -4,6 +4,7 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
+pub mod blender;
 pub mod bus;
 pub mod clock;
 pub mod drive;
@@ -12,5 +13,7 @@ pub mod feetech;
 pub mod interpolate;
 pub mod limits;
 pub mod map;
+pub mod pca9685;
 pub mod player;
 pub mod protocol1;
+pub mod pwm;
