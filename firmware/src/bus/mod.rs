@@ -3,7 +3,10 @@
 //! [`ServoBus`] is implemented for Dynamixel protocol 2.0 and 1.0, Feetech, hobby servos by PWM and by PCA9685, and
 //! the Blender live frame; [`Both`] joins two buses to one.
 
+pub mod blocking;
 mod both;
+pub mod port;
+pub(crate) mod roll;
 
 pub use both::Both;
 
