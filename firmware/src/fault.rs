@@ -4,8 +4,8 @@
 //! acknowledges. docs/SAFETY.md lists each with the time that it takes and the test that shows it.
 
 use crate::bus::{
-    BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE, ERROR_WATCHDOG,
-    Reading,
+    BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE,
+    ERROR_WATCHDOG, Reading,
 };
 use crate::map::Settings;
 use core::fmt;
@@ -170,7 +170,8 @@ impl<const N: usize> Watch<N> {
                     let low = counted(low, below);
                     hardware(settings, servo, &reading)
                         .or(low.then_some(Fault::Voltage { servo }))
-                        .or((armed(index) && reading.torque == Some(false)).then_some(Fault::Rebooted { servo }))
+                        .or((armed(index) && reading.torque == Some(false))
+                            .then_some(Fault::Rebooted { servo }))
                 }
             };
             fault = fault.or(found);
@@ -218,8 +219,10 @@ mod tests {
         torque: Some(true),
     };
 
+    type Shown = (Vec<Option<Reading>, 2>, Result<(), BusError>, bool);
+
     /// The tick, from 1, in which a fault is seen first.
-    fn seen(feedback: &dyn Fn(u32) -> (Vec<Option<Reading>, 2>, Result<(), BusError>, bool)) -> Option<(u32, Fault)> {
+    fn seen(feedback: &dyn Fn(u32) -> Shown) -> Option<(u32, Fault)> {
         let settings = Settings { min_millivolts: 9_000, ..Settings::new(100) };
         let mut watch = Watch::<2>::new(&settings, 2);
         (1..50).find_map(|tick| {
@@ -229,7 +232,7 @@ mod tests {
         })
     }
 
-    fn second(reading: Option<Reading>) -> (Vec<Option<Reading>, 2>, Result<(), BusError>, bool) {
+    fn second(reading: Option<Reading>) -> Shown {
         ([Some(WELL), reading].into_iter().collect(), Ok(()), false)
     }
 

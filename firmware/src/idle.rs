@@ -53,9 +53,9 @@ impl IdlePose {
     pub const fn offset(&self, idle: &map::Idle) -> i32 {
         // A product has at most 30 bits; 15 of them go, and [`FINE_BITS`] come.
         const SHIFT: u32 = 15 - FINE_BITS;
-        (idle.breathing as i32 * self.breathing >> SHIFT)
-            + (idle.sway as i32 * self.sway >> SHIFT)
-            + (idle.gaze as i32 * self.gaze >> SHIFT)
+        ((idle.breathing as i32 * self.breathing) >> SHIFT)
+            + ((idle.sway as i32 * self.sway) >> SHIFT)
+            + ((idle.gaze as i32 * self.gaze) >> SHIFT)
     }
 }
 
@@ -84,12 +84,8 @@ impl IdleLayer {
         }
         let [one, other] = self.sway.map(sine);
         let gaze = self.gaze.tick(self.tick_millis_fine);
-        let gained = |value: i32| value * self.gain >> 15;
-        IdlePose {
-            breathing: gained(sine(self.breath)),
-            sway: gained((one + other) / 2),
-            gaze: gained(gaze),
-        }
+        let gained = |value: i32| (value * self.gain) >> 15;
+        IdlePose { breathing: gained(sine(self.breath)), sway: gained((one + other) / 2), gaze: gained(gaze) }
     }
 }
 
@@ -105,14 +101,15 @@ impl Gaze {
             self.from = self.to;
             self.to = (self.random & 0xffff) as i32 - ONE;
             self.since = 0;
-            self.until = (GLANCE_MILLIS + REST_MILLIS << 8) + (self.random >> 16) * (REST_MILLIS << 8 >> 16);
+            self.until =
+                ((GLANCE_MILLIS + REST_MILLIS) << 8) + (self.random >> 16) * (REST_MILLIS << 8 >> 16);
         }
         let glance = GLANCE_MILLIS << 8;
         if self.since >= glance {
             return self.to;
         }
         let path = least_jerk(Fraction::of(self.since >> 2, glance >> 2));
-        self.from + ((self.to - self.from) * i32::from(path.bits()) >> 15)
+        self.from + (((self.to - self.from) * i32::from(path.bits())) >> 15)
     }
 }
 
@@ -129,9 +126,9 @@ const fn sine(phase: u32) -> i32 {
     let x = if phase & 1 << 30 == 0 { quarter } else { 0x8000 - quarter };
     // x (1.5706 − x² (0.64278 − 0.07218 x²)), in 1/32768: the odd polynomial of degree five with the least error that is
     // 1 at 1.
-    let square = x * x >> 15;
-    let rest = 21_063 - (2_365 * square >> 15);
-    let positive = x * (51_465 - (rest * square >> 15)) >> 15;
+    let square = (x * x) >> 15;
+    let rest = 21_063 - ((2_365 * square) >> 15);
+    let positive = (x * (51_465 - ((rest * square) >> 15))) >> 15;
     let value = if positive > 32_767 { 32_767 } else { positive };
     if phase >> 31 == 0 { value } else { -value }
 }
@@ -199,9 +196,9 @@ mod tests {
     fn it_comes_and_goes_within_its_time() {
         let mut layer = IdleLayer::new(100, 1);
         assert_eq!(layer.tick(false), IdlePose::default());
-        (0..101).for_each(|_| drop(layer.tick(true)));
+        (0..101).for_each(|_| _ = layer.tick(true));
         assert!(layer.gain > ONE * 98 / 100, "{}", layer.gain);
-        (0..103).for_each(|_| drop(layer.tick(false)));
+        (0..103).for_each(|_| _ = layer.tick(false));
         assert_eq!(layer.tick(false), IdlePose::default());
     }
 }

@@ -87,7 +87,7 @@ pub const fn least_jerk(fraction: Fraction) -> Fraction {
     let s = fraction.0 as u64;
     // In 1/2⁴⁵ and, between 1 and 10, in 1/2³⁰.
     let rest = (10 << (2 * FRACTION_BITS)) + 6 * s * s - ((15 * s) << FRACTION_BITS);
-    let path = (s * s * s >> FRACTION_BITS) * rest >> (3 * FRACTION_BITS);
+    let path = (((s * s * s) >> FRACTION_BITS) * rest) >> (3 * FRACTION_BITS);
     Fraction(if path >> FRACTION_BITS == 0 { path as u16 } else { (1 << FRACTION_BITS) - 1 })
 }
 
@@ -140,7 +140,7 @@ mod tests {
         assert_eq!(catmull_rom([5 << 16, 7 << 16, -3 << 16, 99], Fraction(0)), 7 << 16);
         for bits in [0, 1, 9_000, 32_767] {
             let line = [0, 64 << 16, 128 << 16, 192 << 16];
-            let exact = (64 << 16) + i32::from(bits) * 128;
+            let exact = (64 << 16) + bits * 128;
             assert!((catmull_rom(line, Fraction(bits as u16)) - exact).abs() <= 32, "{bits}");
         }
     }

@@ -103,9 +103,10 @@ impl Limiter {
             (limits.max << FINE_BITS) - self.position
         };
         let room = if room < 0 { 0 } else { room.unsigned_abs() };
-        let (speed, change) = (u64::from(velocity.unsigned_abs()), u64::from(limits.max_acceleration.unsigned_abs()));
+        let (speed, change) =
+            (u64::from(velocity.unsigned_abs()), u64::from(limits.max_acceleration.unsigned_abs()));
         // What braking takes is at most a parabola and an eighth of `change`: most ticks end here, without a divide.
-        let ample = speed * (speed + change) + (change * change >> 2) <= 2 * change * u64::from(room);
+        let ample = speed * (speed + change) + ((change * change) >> 2) <= 2 * change * u64::from(room);
         let safe = if ample {
             velocity
         } else {
@@ -163,7 +164,8 @@ mod tests {
         // Accelerates by less than 2, up to 18.
         let mut wanted = fine(1000);
         for tick in 0..60 {
-            wanted += (fine(9) as f64 * (1.0 - (tick as f64 / 30.0 * core::f64::consts::PI).cos())) as i32;
+            wanted +=
+                (f64::from(fine(9)) * (1.0 - (f64::from(tick) / 30.0 * core::f64::consts::PI).cos())) as i32;
             limiter.follow(&LIMITS, wanted);
             assert_eq!(limiter.position(), wanted);
         }
@@ -237,15 +239,17 @@ mod tests {
     fn any_limits() -> impl Strategy<Value = Limits> {
         let ends = -GOAL_LIMIT..=GOAL_LIMIT;
         let few = prop_oneof![1..=MAX_VELOCITY, 1..100_000];
-        (ends.clone(), ends, 0u32..20, few.clone(), few).prop_map(|(one, other, narrow, velocity, acceleration)| {
-            let (one, other) = (one >> narrow, other >> narrow);
-            Limits {
-                min: one.min(other),
-                max: one.max(other),
-                max_velocity: velocity,
-                max_acceleration: acceleration,
-            }
-        })
+        (ends.clone(), ends, 0u32..20, few.clone(), few).prop_map(
+            |(one, other, narrow, velocity, acceleration)| {
+                let (one, other) = (one >> narrow, other >> narrow);
+                Limits {
+                    min: one.min(other),
+                    max: one.max(other),
+                    max_velocity: velocity,
+                    max_acceleration: acceleration,
+                }
+            },
+        )
     }
 
     proptest! {

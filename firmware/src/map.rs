@@ -282,7 +282,7 @@ impl<const N: usize> JointMap<N> {
                 }
             }
             for found in [joint.max_velocity, joint.max_acceleration] {
-                if found < 1 || found > MAX_VELOCITY {
+                if !(1..=MAX_VELOCITY).contains(&found) {
                     return Err(MapError::Velocity { id, found });
                 }
             }
@@ -554,7 +554,10 @@ mod tests {
             (vec![Joint { bus: 1, ..ELBOW }], MapError::Bus { id: 3, found: 1, buses: 1 }),
             (vec![Joint { scale: I16F16::ZERO, ..ELBOW }], MapError::Scale { id: 3 }),
             (vec![Joint { zero: 999, ..ELBOW }], MapError::Range { id: 3, min: 1000, found: 999, max: 3000 }),
-            (vec![Joint { home: 3001, ..ELBOW }], MapError::Range { id: 3, min: 1000, found: 3001, max: 3000 }),
+            (
+                vec![Joint { home: 3001, ..ELBOW }],
+                MapError::Range { id: 3, min: 1000, found: 3001, max: 3000 },
+            ),
             (
                 vec![Joint { max: i32::MAX, ..ELBOW }],
                 MapError::Range { id: 3, min: 1000, found: 2048, max: i32::MAX },
@@ -582,7 +585,11 @@ mod tests {
         let on = |bus, id| Joint { bus, id, ..ELBOW };
         let two = |joints: &[Joint]| {
             let bus = one_bus()[0];
-            JointMap::<4>::new(Settings::new(50), [bus; 3].into_iter().collect(), joints.iter().copied().collect())
+            JointMap::<4>::new(
+                Settings::new(50),
+                [bus; 3].into_iter().collect(),
+                joints.iter().copied().collect(),
+            )
         };
         let map = two(&[on(0, 3), on(2, 3), on(2, 4)]).unwrap();
         assert_eq!([0, 1, 2].map(|bus| map.on_bus(bus)), [0..1, 1..1, 1..3]);

@@ -150,7 +150,8 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
 
     /// Plays the clip of the trigger; false where there is none, or another one plays.
     pub(crate) fn trigger(&mut self) -> Result<bool, PlayError> {
-        let plays = |playing: &Option<Playing<_, N>>| playing.as_ref().is_some_and(|playing| !playing.cue.idle);
+        let plays =
+            |playing: &Option<Playing<_, N>>| playing.as_ref().is_some_and(|playing| !playing.cue.idle);
         match self.show.trigger_clip {
             Some(clip) if !plays(&self.current) && !plays(&self.next) && self.now.is_none() => {
                 self.cue(Cue::of(clip, false)).map(|()| true)
@@ -242,11 +243,16 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
             return Ok(true);
         }
         let waits = !self.queue.is_empty() || self.list_goes_on();
-        if self.now.is_none() && (left <= self.fade_frames() || idle && waits) && (!idle || waits) {
+        // An idle clip gives way at once, and to nothing else.
+        let due = if idle { waits } else { left <= self.fade_frames() };
+        if due && self.now.is_none() {
             self.now = self.following();
         }
         if ended && self.now.is_none() {
-            self.current.take().into_iter().for_each(|playing| self.library.close(playing.voice.into_frames()));
+            self.current
+                .take()
+                .into_iter()
+                .for_each(|playing| self.library.close(playing.voice.into_frames()));
             return Ok(false);
         }
         self.begin()?;

@@ -273,7 +273,8 @@ impl<F: Frames, const N: usize> Voice<F, N> {
     /// Works off the distance to an outside clock that is at this frame; see [`Clock::follow`].
     pub fn follow(&mut self, frame: u32, fraction: u16) -> bool {
         let (at, phase) = self.position();
-        let ahead = i64::from(frame) * 65_536 + i64::from(fraction) - i64::from(at) * 65_536 - i64::from(phase);
+        let ahead =
+            i64::from(frame) * 65_536 + i64::from(fraction) - i64::from(at) * 65_536 - i64::from(phase);
         i32::try_from(ahead >> 16).is_ok_and(|frames| self.clock.follow(frames, ahead as u16))
     }
 

@@ -318,14 +318,15 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         };
         let settings = self.map.settings();
         let patient = self.waited < settings.ticks(FIND_MILLIS);
-        if let Some(servo) = (0..self.servos.len()).find(|&index| faulty(index)) {
-            if patient && self.fault.is_none() {
-                // Asked again only after it had the time to come back.
-                return (self.waited % settings.ticks(FIND_MILLIS / 3) == 1).then_some(Action::Reboot { servo });
-            }
+        if let Some(servo) = (0..self.servos.len()).find(|&index| faulty(index))
+            && patient
+            && self.fault.is_none()
+        {
+            // Asked again only after it had the time to come back.
+            return (self.waited % settings.ticks(FIND_MILLIS / 3) == 1).then_some(Action::Reboot { servo });
         }
-        let missing =
-            (0..self.servos.len()).find(|&index| map.reads(index) && feedback.readings.get(index).is_none_or(|r| r.is_none()));
+        let missing = (0..self.servos.len())
+            .find(|&index| map.reads(index) && feedback.readings.get(index).is_none_or(|r| r.is_none()));
         match missing {
             Some(_) if patient => return None,
             Some(servo) => self.fault = self.fault.or(Some(Fault::Silent { servo: servo as u8 })),
@@ -396,7 +397,8 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
 
     /// A puppet that rests or holds gets up for a clip; one that has a fault does not.
     fn leave_rest(&mut self) {
-        let waits = matches!(self.state, State::Holding | State::Resting | State::Returning | State::Stopping);
+        let waits =
+            matches!(self.state, State::Holding | State::Resting | State::Returning | State::Stopping);
         self.after = self.stage.show().after;
         if self.fault.is_none() && waits {
             self.state = State::Opening;
@@ -406,7 +408,10 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     fn brake(&mut self, after: After) {
         self.stage.drop_clips();
         self.after = after;
-        if matches!(self.state, State::Opening | State::Easing | State::Playing | State::Returning | State::Holding) {
+        if matches!(
+            self.state,
+            State::Opening | State::Easing | State::Playing | State::Returning | State::Holding
+        ) {
             self.state = State::Stopping;
         }
     }
@@ -503,11 +508,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     }
 
     /// Plans the way to a pose: as long as the joint with the longest way needs, at least as long as the map says.
-    fn begin_easing(
-        &mut self,
-        state: State,
-        to: impl Fn(&Stage<'m, L, N>, usize, &Joint) -> Option<i32>,
-    ) {
+    fn begin_easing(&mut self, state: State, to: impl Fn(&Stage<'m, L, N>, usize, &Joint) -> Option<i32>) {
         let Self { map, stage, servos, .. } = self;
         let settings = map.settings();
         let mut ticks = settings.ticks(settings.ease_millis).max(1);
@@ -516,7 +517,8 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             let to = to(stage, index, joint).unwrap_or(servo.from);
             let way = u64::from(to.abs_diff(servo.from));
             // The path's highest velocity is 15/8 of its mean, its highest acceleration 5.78 of the way over time squared.
-            let velocity = u64::from(eased(&joint.limits(), settings.ease_velocity).max_velocity.unsigned_abs());
+            let velocity =
+                u64::from(eased(&joint.limits(), settings.ease_velocity).max_velocity.unsigned_abs());
             let by_velocity = (way * 15).div_ceil(velocity * 8);
             let by_acceleration = (way * 6 / u64::from(joint.max_acceleration.unsigned_abs())).isqrt() + 1;
             let needed = by_velocity.max(by_acceleration);

@@ -130,7 +130,8 @@ struct World<'m> {
 
 impl<'m> World<'m> {
     fn new(map: &'m JointMap<4>, show: Show<'m>, positions: [i32; SERVOS]) -> Self {
-        let motor = |position| Motor { position, torque: false, silent: false, hardware_error: 0, temperature: 30 };
+        let motor =
+            |position| Motor { position, torque: false, silent: false, hardware_error: 0, temperature: 30 };
         Self {
             machine: Machine::new(map, Clips::default(), show, Start::Power),
             motors: positions.map(motor),
@@ -299,7 +300,8 @@ fn playlists_fade_from_clip_to_clip() {
     let mut world = World::new(&map, show, [2048; 3]);
     world.until_state(2000, State::Playing);
     let mut seen = std::vec::Vec::new();
-    let ticks = world.until(3000, |world| world.machine.state() != State::Playing || world.tick % 20 == 0) as u64;
+    let ticks =
+        u64::from(world.until(3000, |world| world.machine.state() != State::Playing || world.tick % 20 == 0));
     let _ = ticks;
     while world.machine.state() == State::Playing {
         world.tick();
@@ -368,7 +370,10 @@ fn speed_pause_seek_and_stop() {
     assert!((3..=35).contains(&moved), "it breathes, by {moved}");
     world.machine.command(Command::Home).unwrap();
     world.until_state(500, State::Resting);
-    assert_eq!(world.machine.command(Command::Play { clip: 9, repeats: false }), Err(PlayError::NoClip { clip: 9 }));
+    assert_eq!(
+        world.machine.command(Command::Play { clip: 9, repeats: false }),
+        Err(PlayError::NoClip { clip: 9 })
+    );
     world.machine.command(Command::Play { clip: 3, repeats: false }).unwrap();
     world.until_state(500, State::Playing);
     world.until(1000, |world| world.machine.stage().position().is_some_and(|at| at.0 == 1));
@@ -402,7 +407,10 @@ fn settle(policy: Policy, state: State, harm: impl Fn(&mut World<'_>), expected:
     assert_eq!(world.machine.fault(), Some(expected));
     // It latches, and nothing plays.
     (0..300).for_each(|_| world.tick());
-    assert_eq!((world.machine.fault(), world.machine.command(Command::Play { clip: 1, repeats: true })), (Some(expected), Ok(())));
+    assert_eq!(
+        (world.machine.fault(), world.machine.command(Command::Play { clip: 1, repeats: true })),
+        (Some(expected), Ok(()))
+    );
     (0..300).for_each(|_| world.tick());
     assert_ne!(world.machine.state(), State::Playing);
     if state == State::Holding && world.bus.is_ok() {
