@@ -146,15 +146,20 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U
     ) -> Result<(), BusError> {
         let asked: Vec<u8, MAX_SERVOS> =
             places.iter().filter_map(|&place| ids.get(usize::from(place)).copied()).collect();
-        let (mut good, mut restarted) = (false, 0);
+        let (mut heard, mut good, mut restarted) = (0, 0, 0);
         let each = |at: usize, answer: Answer<'_>| {
             let Some(&place) = places.get(at) else { return };
             let Some(slot) = readings.get_mut(usize::from(place)) else { return };
-            *slot = reading(&answer);
-            good |= slot.is_some();
-            if slot.is_none() {
-                restarted |= bit(place.into());
+            let bit = bit(place.into());
+            if heard & bit != 0 {
+                // Of two answers under one id, one is another servo's.
+                *slot = None;
+                good &= !bit;
+                return;
             }
+            heard |= bit;
+            *slot = reading(&answer);
+            *(if slot.is_some() { &mut good } else { &mut restarted }) |= bit;
         };
         let len = BLOCK_LEN as u16;
         let result = match self.fast {
@@ -162,7 +167,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U
             false => self.client.sync_read(INDIRECT_DATA, len, &asked, each).await,
         };
         self.ready &= !restarted;
-        result.and(if good { Ok(()) } else { Err(BusError::Corrupt) })
+        result.and(if good != 0 { Ok(()) } else { Err(BusError::Corrupt) })
     }
 
     async fn alone(&mut self, id: u8, index: usize) -> Result<Reading, BusError> {

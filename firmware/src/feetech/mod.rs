@@ -149,11 +149,15 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U
         if self.series == Series::Sts {
             let asked: Vec<u8, MAX_SERVOS> =
                 places.iter().filter_map(|&place| ids.get(usize::from(place)).copied()).collect();
+            let mut heard = 0_u32;
             let each = |at: usize, error: u8, data: &[u8]| {
                 if let Some(&place) = places.get(at)
                     && let Some(slot) = readings.get_mut(usize::from(place))
                 {
-                    *slot = reading(Series::Sts, error, data);
+                    // Of two answers under one id, one is another servo's.
+                    let bit = 1_u32.wrapping_shl(place.into());
+                    *slot = if heard & bit == 0 { reading(Series::Sts, error, data) } else { None };
+                    heard |= bit;
                 }
             };
             return self.client.sync_read(BLOCK, BLOCK_LEN as u8, &asked, each).await.map(drop);

@@ -113,8 +113,8 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
     }
 
     /// Sync Read of Feetech STS and SMS servos: `len` bytes from `address` on of each of `ids` (each once). Calls `each` with
-    /// the place in `ids`, the error byte and the bytes, as they come; servos that keep silent are left out.
-    /// Returns how many answered.
+    /// the place in `ids`, the error byte and the bytes, as they come; servos that keep silent are left out, and one that
+    /// answers twice, which may be two of one id, is given twice. Returns how many answered.
     ///
     /// # Errors
     /// Why, when none answered; [`BusError::TooMany`] when a packet would be longer than `N`.
@@ -136,10 +136,9 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
             if let Some(place) = ids.iter().position(|&id| id == packet.id)
                 && packet.parameters.len() == usize::from(len)
                 && let Some(word) = heard.get_mut(usize::from(packet.id / 32))
-                && *word & bit == 0
             {
+                good += usize::from(*word & bit == 0);
                 *word |= bit;
-                good += 1;
                 each(place, packet.code, packet.parameters);
             }
             if good < ids.len() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }

@@ -40,6 +40,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         ids: &[u8],
         each: impl FnMut(usize, Answer<'_>),
     ) -> Result<usize, BusError> {
+        Self::joint_room(ids.len(), usize::from(len), ids.len() * usize::from(len))?;
         self.send_sync_read(Instruction::FastSyncRead, address, len, ids).await?;
         self.collect_joint(ids.iter().map(|&id| (id, usize::from(len))), each).await
     }
@@ -53,8 +54,16 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         items: &[BulkItem],
         each: impl FnMut(usize, Answer<'_>),
     ) -> Result<usize, BusError> {
+        let lens = items.iter().map(|item| usize::from(item.len));
+        Self::joint_room(items.len(), lens.clone().max().unwrap_or(0), lens.sum())?;
         self.send_bulk_read(Instruction::FastBulkRead, items).await?;
         self.collect_joint(items.iter().map(|item| (item.id, usize::from(item.len))), each).await
+    }
+
+    /// Whether the longest part has room, and the whole answer a length that 16 bits can say.
+    fn joint_room(servos: usize, longest: usize, sum: usize) -> Result<(), BusError> {
+        let good = PART + longest <= N && 1 + servos * PART + sum <= usize::from(u16::MAX);
+        if good { Ok(()) } else { Err(BusError::TooMany) }
     }
 
     async fn collect_joint(
@@ -63,11 +72,8 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         mut each: impl FnMut(usize, Answer<'_>),
     ) -> Result<usize, BusError> {
         let parts = asked.clone().map(|(_, len)| PART + len);
-        let (servos, bytes) = (parts.clone().count(), START + parts.clone().sum::<usize>());
-        let length = u16::try_from(bytes - START + 1).map_err(|_| BusError::TooMany)?;
-        if parts.max().is_some_and(|longest| longest > N) {
-            return Err(BusError::TooMany);
-        }
+        let (servos, bytes) = (parts.clone().count(), START + parts.sum::<usize>());
+        let length = (bytes - START + 1) as u16;
         let [h0, h1, h2, h3] = HEADER;
         let [low, high] = length.to_le_bytes();
         let start = [h0, h1, h2, h3, BROADCAST_ID, low, high, Instruction::Status as u8];

@@ -49,7 +49,8 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
     }
 
     /// Sync Read: `len` bytes from `address` on of each of `ids` (each once). Calls `each` with the place in `ids` and the
-    /// answer as it comes; servos that keep silent, refuse or are garbled are left out. Returns how many answered.
+    /// answer as it comes; servos that keep silent, refuse or are garbled are left out. A servo that answers twice, which
+    /// may be two of one id, is given twice. Returns how many answered.
     ///
     /// # Errors
     /// Why, when none answered; [`BusError::TooMany`] when a packet would be longer than `N`.
@@ -60,6 +61,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         ids: &[u8],
         each: impl FnMut(usize, Answer<'_>),
     ) -> Result<usize, BusError> {
+        Self::room(len.into())?;
         self.send_sync_read(Instruction::SyncRead, address, len, ids).await?;
         self.collect(ids.iter().map(|&id| (id, usize::from(len))), each).await
     }
@@ -73,6 +75,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         items: &[BulkItem],
         each: impl FnMut(usize, Answer<'_>),
     ) -> Result<usize, BusError> {
+        items.iter().try_for_each(|item| Self::room(item.len.into()).map(drop))?;
         self.send_bulk_read(Instruction::BulkRead, items).await?;
         self.collect(items.iter().map(|item| (item.id, usize::from(item.len))), each).await
     }
@@ -107,11 +110,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
     ) -> Result<usize, BusError> {
         let (mut servos, mut bytes) = (0, 0);
         for (_, len) in asked.clone() {
-            let packet = max_packet_len(1 + len);
-            if packet > N {
-                return Err(BusError::TooMany);
-            }
-            (servos, bytes) = (servos + 1, bytes + packet);
+            (servos, bytes) = (servos + 1, bytes + max_packet_len(1 + len));
         }
         let limit = self.port.line().reply_limit_us(bytes, servos);
         let (mut heard, mut good) = (Seen::default(), 0);
@@ -120,11 +119,10 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
             let Some((place, (id, len))) = place else { return ControlFlow::Continue(()) };
             match answer_of(status, len) {
                 Ok(None) => return ControlFlow::Continue(()),
-                Ok(Some(answer)) if heard.insert(id) => {
-                    good += 1;
+                Ok(Some(answer)) => {
+                    good += usize::from(heard.insert(id));
                     each(place, answer);
                 }
-                Ok(Some(_)) => {}
                 Err(_) => {
                     heard.insert(id);
                 }

@@ -222,6 +222,12 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         self.port.send(write(&mut self.packet)?).await
     }
 
+    /// Bytes of the answer with this much data at most, if there is room for it.
+    const fn room(data: usize) -> Result<usize, BusError> {
+        let len = max_packet_len(1 + data);
+        if len > N { Err(BusError::TooMany) } else { Ok(len) }
+    }
+
     /// Sends one packet.
     async fn send(&mut self, id: u8, instruction: Instruction, parts: &[&[u8]]) -> Result<(), BusError> {
         let mut writer = PacketWriter::new(&mut self.packet, id, instruction)?;
@@ -239,10 +245,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         parts: &[&[u8]],
         data: &mut [u8],
     ) -> Result<bool, BusError> {
-        let len = max_packet_len(1 + data.len());
-        if len > N {
-            return Err(BusError::TooMany);
-        }
+        let len = Self::room(data.len())?;
         self.send(id, instruction, parts).await?;
         if id == BROADCAST_ID {
             return Ok(false);
