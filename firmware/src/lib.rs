@@ -13,6 +13,7 @@ pub mod fault;
 pub mod feetech;
 pub mod idle;
 pub mod interpolate;
+pub mod library;
 pub mod limits;
 pub mod machine;
 pub mod map;

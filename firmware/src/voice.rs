@@ -35,6 +35,32 @@ pub trait Frames {
     fn approach(&mut self, frame: u32);
 }
 
+impl<F: Frames + ?Sized> Frames for &mut F {
+    fn channels(&self) -> usize {
+        (**self).channels()
+    }
+
+    fn frames(&self) -> u32 {
+        (**self).frames()
+    }
+
+    fn rate_centihertz(&self) -> u16 {
+        (**self).rate_centihertz()
+    }
+
+    fn position(&self) -> u32 {
+        (**self).position()
+    }
+
+    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
+        (**self).next_frame()
+    }
+
+    fn approach(&mut self, frame: u32) {
+        (**self).approach(frame);
+    }
+}
+
 impl Frames for qmd::Decoder<'_, '_> {
     fn channels(&self) -> usize {
         self.clip().channels()

@@ -147,6 +147,11 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs> Port<U, D, T> {
         self.line = line;
     }
 
+    /// Gives the UART back.
+    pub fn into_uart(self) -> U {
+        self.uart
+    }
+
     /// The UART, to change its rate.
     pub fn uart_mut(&mut self) -> &mut U {
         &mut self.uart

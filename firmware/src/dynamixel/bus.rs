@@ -93,6 +93,11 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelBus<U, 
         self
     }
 
+    /// Gives the client back.
+    pub fn into_client(self) -> Client<U, D, T, N> {
+        self.reader.client
+    }
+
     /// The client, for what the player does not need.
     pub fn client(&mut self) -> &mut Client<U, D, T, N> {
         &mut self.reader.client

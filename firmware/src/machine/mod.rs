@@ -22,10 +22,12 @@ use crate::voice::PlayError;
 use heapless::Vec;
 
 mod plan;
+mod rehearsal;
 #[cfg(test)]
 pub(crate) mod tests;
 
 pub use plan::{Action, After, Command, Plan, Show, Start, State};
+pub use rehearsal::Rehearsal;
 
 /// Time in ms that servos have to come up before one counts as missing.
 const FIND_MILLIS: u16 = 1500;

@@ -78,6 +78,11 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         Self { port, framer: Framer::new(), packet: [0; N] }
     }
 
+    /// Gives the port back.
+    pub fn into_port(self) -> Port<U, D, T> {
+        self.port
+    }
+
     /// The port.
     pub fn port(&self) -> &Port<U, D, T> {
         &self.port
