@@ -171,7 +171,7 @@ fn reaches(encoder: &Encoder<'_>, encoded: &Encoded, goal: Goal) -> bool {
 /// Cycles of a clip's most expensive frame.
 fn worst_frame(bytes: &[u8], core: Core) -> Result<u64> {
     let clip = Clip::parse(Path::new("clip.mclip"), bytes)?;
-    let image = profile::mclip_images(bytes, &[core.target()])?.concat();
+    let image = profile::mclip_images(bytes, &[core.target()], false)?.concat();
     let measured = measure::run(core, &image, 0, &profile::frames(&clip)?, &mut || ())?;
     measured.frame_cycles.iter().copied().max().ok_or_else(|| anyhow!("the clip has no frames"))
 }
