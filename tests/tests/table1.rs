@@ -28,6 +28,31 @@ fn sizes_are_the_papers_and_our_error_is_a_twentieth_of_the_faithful_encoders() 
     }
 }
 
+/// The paper's own sizes are checked above, so percentages of them are of figures that were printed.
+#[test]
+fn packed_indices_take_a_fifth_of_the_papers_bytes() {
+    let Some(motion) = motion() else { return };
+    let folder = motion.join("cmu");
+    let rows = json(&["table1", "--packed", "--motion", folder.to_str().unwrap()]);
+    let rows = rows.as_array().unwrap();
+    assert_eq!(rows.len(), 6);
+    for row in rows {
+        let frames = row["frames"].as_u64().unwrap();
+        let paper = 1037 + 5 * 62 + frames * (4 * 6 + 62 - 6);
+        assert_eq!(row["paper_bytes"].as_u64().unwrap(), paper, "{row}");
+        let faithful = row["faithful_mean_joint_cm"].as_f64().unwrap();
+        for (point, percent, cm) in [("packed", 20, faithful), ("fine", 35, 0.45)] {
+            let point = &row[point];
+            let bytes = point["bytes"].as_u64().unwrap();
+            assert!(bytes * 100 <= paper * percent, "{row}");
+            let found = point["mean_joint_cm"].as_f64().unwrap();
+            assert!(found > 0.0 && found <= cm, "{row}");
+            // Names, ranges and steps of 62 channels, and the tables.
+            assert!(point["header_bytes"].as_u64().unwrap() < 700, "{row}");
+        }
+    }
+}
+
 #[test]
 fn the_pruned_search_finds_the_optimum_with_a_tenth_of_the_encodes() {
     let Some(motion) = motion() else { return };

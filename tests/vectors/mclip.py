@@ -58,7 +58,7 @@ class Bits:
 
     def signed(self, count):
         value = self.take(count)
-        return value - (value >> count - 1 << count)
+        return value - (value >> (count - 1) << count)
 
     def align(self):
         self.at = (self.at + 7) // 8 * 8
@@ -93,12 +93,29 @@ class Fields:
 
 
 class Channel:
-    def __init__(self, fields):
-        self.name, self.unit = fields.bytes(), fields.u8()
-        self.low, self.high = fields.zigzag(), fields.zigzag()
-        self.shift, self.bits, self.step, self.group = fields.u8(), fields.u8(), fields.u8(), fields.u8()
-        self.alpha = [fields.zigzag(), fields.zigzag()]
-        assert self.unit <= 1 and self.low <= self.high and self.shift <= 31 and self.bits <= 16
+    def __init__(self, bits, packings, precision, is_pcm, predictors, names):
+        bit_packing, step_packing, entry_packing, group_packing, predictor_packing = packings
+        self.is_first, kind = bits.take(1), bits.take(3)
+        self.name = names.bytes().decode() if self.is_first and names.data else None
+        self.bits, self.step, self.entry_bits = (l + bits.take(w) for l, w in (bit_packing, step_packing, entry_packing))
+        self.group, self.alpha = 0, [0, 0]
+        if self.bits:
+            self.group = group_packing[0] + bits.take(group_packing[1])
+            if is_pcm:
+                self.alpha = [bits.take(15), 0]
+            else:
+                number = predictor_packing[0] + bits.take(predictor_packing[1])
+                self.alpha = list(predictors[number])
+        self.shift = self.step if is_pcm else max(3 + self.step // 8 - precision, 0)
+        low = shift = 0
+        while True:
+            part = bits.take(4)
+            low |= (part & 7) << shift
+            shift += 3
+            if part < 8:
+                break
+        self.low = wrap(signed(low % 2**32) << (self.shift + max(self.entry_bits - 2, 0)))
+        assert kind <= 6 and self.bits <= 16 and self.entry_bits <= (0 if is_pcm else 32)
 
 
 class State:
@@ -110,6 +127,7 @@ class State:
         self.low, self.level = channel.low, 0
         self.d1 = self.d2 = 0
         self.r = [0, 0, 0]
+        self.moved = []
 
 
 class FixedWidth:
@@ -228,8 +246,14 @@ class Clip:
         self.frames, m, self.block_bytes = fields.varint(), fields.varint(), fields.varint()
         self.ram, self.delay, self.codec, entropy = fields.varint(), fields.varint(), fields.u8(), fields.u8()
         self.parameters, self.tables, self.cycles = fields.bytes(), fields.bytes(), fields.bytes()
-        self.channels = [Channel(fields) for _ in range(m)]
+        pairs, records, names = fields.bytes(), Bits(fields.bytes()), Fields(fields.bytes())
+        predictors = list(struct.iter_unpack("<2h", pairs)) or [(0, 0)]
+        precision = records.take(4)
+        packings = [(records.take(8), records.take(4)) for _ in range(5)]
+        assert all(least + 2**width <= 256 for least, width in packings)
+        self.channels = [Channel(records, packings, precision, self.codec == PCM, predictors, names) for _ in range(m)]
         assert fields.at == len(header) and min(self.rate) >= 1 and self.frames >= 1 and m >= 1
+        assert (records.at + 7) // 8 == len(records.data) and names.at == len(names.data)
         self.source = FixedWidth() if entropy == FIXED else [Huffman, AdaptiveHuffman][entropy - 1](self.tables)
 
     def decode(self):
@@ -271,8 +295,8 @@ class Clip:
         self.source.reset()
         self.states = []
         for channel in self.channels:
-            width = 0 if self.codec == PCM else (channel.high - channel.low >> channel.shift).bit_length()
-            self.states.append(State(channel, wrap(channel.low + (bits.take(width) << channel.shift))))
+            value = bits.take(channel.entry_bits)
+            self.states.append(State(channel, wrap(channel.low + (value << channel.shift))))
         self.align(bits)
 
     def next(self, number, state, c):
@@ -305,8 +329,12 @@ class Clip:
         state.x1, state.x2 = wrap(x), x1
         if window:
             e = clamp(wrap(state.x1 - x1) >> 7, -4096, 4095)
-            for i, before in enumerate([e, state.d1, state.d2]):
-                state.r[i] += e * before - (state.r[i] >> window)
+            if window < 15:
+                for i, before in enumerate([e, state.d1, state.d2]):
+                    state.r[i] += e * before - (state.r[i] >> window)
+            else:
+                state.moved = (state.moved + [e])[-window:]
+                state.r = [sum(a * b for a, b in zip(state.moved[k:], state.moved)) for k in range(3)]
             state.d1, state.d2 = e, state.d1
             if (self.number + number) % (1 << self.parameters[19]) == 0:
                 state.alpha = solve(state.r)
@@ -335,15 +363,72 @@ def slice_of(data):
     return varint(len(data)) + data
 
 
-def record(rng, name, low, high, shift, bits, step, group=0, alpha=(0, 0)):
-    numbers = zigzag(low) + zigzag(high) + bytes([shift, bits, step, group])
-    return slice_of(name.encode()) + bytes([rng.randrange(2)]) + numbers + zigzag(alpha[0]) + zigzag(alpha[1])
+class BitString:
+    def __init__(self):
+        self.digits = ""
+
+    def put(self, value, count):
+        assert 0 <= value < 1 << count
+        self.digits += f"{value:0{count}b}" if count else ""
+
+    def bytes(self):
+        padded = self.digits + "0" * (-len(self.digits) % 8)
+        return bytes(int(padded[i : i + 8], 2) for i in range(0, len(padded), 8))
 
 
-def make(rng, codec, entropy, parameters, tables, records, blocks, ones=0.5):
+def record(name, kind, low, entry_bits, bits, step, group=0, alpha=(0, 0)):
+    """A channel of joint `name`, or of the same one as before where that is None; `low` as it is stored."""
+    return dict(name=name, kind=kind, low=low, entry_bits=entry_bits, bits=bits, step=step, group=group, alpha=alpha)
+
+
+def channels_part(records, is_pcm, precision):
+    """Predictors, records and names."""
+    pairs = [] if is_pcm else sorted({r["alpha"] for r in records if r["bits"]})
+    fields = ["bits", "step", "entry_bits", "group", "predictor"]
+    for r in records:
+        r["predictor"] = pairs.index(r["alpha"]) if r["bits"] and pairs else 0
+    out, packings = BitString(), {}
+    out.put(precision, 4)
+    for field in fields:
+        values = [r[field] for r in records]
+        width = (max(values) - min(values)).bit_length()
+        packings[field] = min(min(values), 256 - (1 << width)), width
+        out.put(packings[field][0], 8)
+        out.put(width, 4)
+
+    def put(r, field):
+        out.put(r[field] - packings[field][0], packings[field][1])
+
+    names = b""
+    for r in records:
+        out.put(r["name"] is not None, 1)
+        names += b"" if r["name"] is None else slice_of(r["name"].encode())
+        out.put(r["kind"], 3)
+        for field in fields[:3]:
+            put(r, field)
+        if r["bits"]:
+            put(r, "group")
+            if is_pcm:
+                out.put(r["alpha"][0], 15)
+            else:
+                put(r, "predictor")
+        low = 2 * r["low"] if r["low"] >= 0 else -2 * r["low"] - 1
+        while low > 7:
+            out.put(8 | low & 7, 4)
+            low >>= 3
+        out.put(low, 4)
+    # A clip without names has none at all.
+    names = names if any(r["name"] for r in records) else b""
+    return b"".join(struct.pack("<2h", *pair) for pair in pairs), out.bytes(), names
+
+
+def make(rng, codec, entropy, parameters, tables, records, blocks, ones=0.5, precision=2):
     """A clip of random codes, of which `ones` are 1; `blocks` has the frames of each, negative for no entry point."""
+    predictors, packed, names = channels_part(records, codec == PCM, precision)
     m = len(records)
     ram = 16 * m * (2 if codec == ADPCM and parameters[18] else 1)
+    if codec == ADPCM and parameters[18] >= 15:
+        ram += 2 * m * parameters[18]
     if entropy == HUFFMAN:
         ram += 512 * tables[0] * tables[1]
     if entropy == ADAPTIVE:
@@ -352,7 +437,8 @@ def make(rng, codec, entropy, parameters, tables, records, blocks, ones=0.5):
     def header(block_bytes):
         fields = varint(30000) + varint(1001) + varint(sum(map(abs, blocks))) + varint(m) + varint(block_bytes)
         fields += varint(ram) + varint(0) + bytes([codec, entropy])
-        fields += slice_of(parameters) + slice_of(tables) + slice_of(b"") + b"".join(records)
+        fields += slice_of(parameters) + slice_of(tables) + slice_of(bytes([3, 1, 2, 3, 4]))
+        fields += slice_of(predictors) + slice_of(packed) + slice_of(names)
         return fields
 
     # Any bits are codes: decode, and see how many were used.
@@ -407,11 +493,10 @@ def vectors():
         alphas = [(0, 0), (40, 0), (90, -13000), (-9000, 4000)]
         return [
             record(
-                rng,
-                f"channel {i}",
-                rng.randrange(-180, 0) << 16,
-                rng.randrange(0, 180) << 16,
-                rng.randrange(0, 16),
+                None if i % 3 == 2 else f"joint {i}",
+                rng.randrange(7),
+                rng.randrange(-90, 90),
+                rng.randrange(0, 12),
                 b,
                 rng.randrange(*steps),
                 i % groups,
@@ -421,19 +506,20 @@ def vectors():
         ]
 
     def grids(*bits):
-        return [record(rng, f"grid {i}", rng.randrange(-(2**23), 0), 2**23, 0, b, 3, 0, (1000 + i, 0)) for i, b in enumerate(bits)]
+        return [record(f"grid {i}", i % 7, rng.randrange(-(2**20), 0), 0, b, 3, 0, (1000 + i, 0)) for i, b in enumerate(bits)]
 
     edges = [
-        record(rng, "all", low, high, 0, 16, 199, 0, (32767, -32768)),
-        record(rng, "least", low, low, 31, 16, 199, 0, (-32768, -32768)),
-        record(rng, "most", high, high, 0, 1, 199, 0, (32767, 32767)),
-        record(rng, "shifted", low, high, 31, 7, 0, 0, (16384, 0)),
-        record(rng, "still", 5, 5, 0, 0, 0),
+        record("all", 0, -2, 32, 16, 199, 0, (32767, -32768)),
+        record("least", 3, -(2**31), 1, 16, 0, 0, (-32768, -32768)),
+        record("most", 4, 2**31 - 1, 0, 1, 199, 0, (32767, 32767)),
+        record("shifted", 5, -1, 17, 7, 199, 0, (16384, 0)),
+        record("still", 6, 5, 0, 0, 0),
+        record(None, 2, 5, 3, 0, 64),
     ]
     edge_grids = [
-        record(rng, "all", low, high, 0, 16, 15, 0, (32767, 0)),
-        record(rng, "negative", high, high, 0, 8, 15, 0, (-32768, 0)),
-        record(rng, "still", low, high, 0, 0, 0, 0, (9, 0)),
+        record("all", 0, -(2**16), 0, 16, 15, 0, (32767, 0)),
+        record("none", 1, 2**31 - 1, 0, 8, 15, 0, (0, 0)),
+        record("still", 2, -(2**31), 0, 0, 0),
     ]
     made = {
         "pcm": make(rng, PCM, FIXED, b"", b"", grids(6, 0, 8, 13), [9, 5, -6]),
@@ -458,11 +544,11 @@ def vectors():
         "dpcm-second": make(rng, DPCM, HUFFMAN, bytes([2]), wide, some(6, 6, 6, 6), [30, -20], ones=0.3),
         "dpcm-adaptive-huffman": make(rng, DPCM, ADAPTIVE, bytes([2]), bytes([5]), some(6, 7, 4), [30, -60, 20], ones=0.4),
         "dpcm-counting-ends": make(rng, DPCM, ADAPTIVE, bytes([0]), bytes([1]), some(1, 2), [16500], ones=0.1),
-        "dpcm-edges": make(rng, DPCM, FIXED, bytes([2]), b"", edges, [40, 1]),
+        "dpcm-edges": make(rng, DPCM, FIXED, bytes([2]), b"", edges, [40, 1], precision=15),
         "dpcm-groups": make(rng, DPCM, HUFFMAN, bytes([2]), groups, some(*[6] * 12, groups=8), [20], ones=0.3),
         "dpcm-escapes": make(rng, DPCM, HUFFMAN, bytes([0]), deep, some(16, 8), [20], ones=0.9),
         "dpcm-one-channel": make(rng, DPCM, FIXED, bytes([0]), b"", some(3), [1]),
-        "dpcm-no-codes": make(rng, DPCM, FIXED, bytes([0]), b"", [record(rng, "", 7, 7, 0, 0, 0)], [3, -2, 4]),
+        "dpcm-no-codes": make(rng, DPCM, FIXED, bytes([0]), b"", [record("", 3, 7, 0, 0, 0)], [3, -2, 4]),
         "dpcm-many-channels": make(rng, DPCM, HUFFMAN, bytes([1]), wide, some(*[4] * 300), [2]),
         "adpcm-step": make(rng, ADPCM, FIXED, adapts + bytes([0, 0]), b"", some(3, 4, 8, 1, 0), [40, 20]),
         "adpcm-octets": make(
@@ -471,10 +557,13 @@ def vectors():
         "adpcm-bounded-step": make(rng, ADPCM, ADAPTIVE, bounded + bytes([0, 0]), bytes([8]), some(3, 4, 16), [40]),
         "adpcm-predictor": make(rng, ADPCM, HUFFMAN, still + bytes([4, 2]), wide, some(6, 6, 6), [60, -30, 30], ones=0.3),
         "adpcm-both": make(rng, ADPCM, FIXED, adapts + bytes([5, 0]), b"", some(3, 4, 2), [90]),
-        "adpcm-edges": make(rng, ADPCM, FIXED, adapts + bytes([1, 1]), b"", edges, [60]),
+        "adpcm-edges": make(rng, ADPCM, FIXED, adapts + bytes([1, 1]), b"", edges, [60], precision=0),
         "adpcm-long-window": make(rng, ADPCM, FIXED, still + bytes([6, 3]), b"", edges, [60]),
         "qmd": make(rng, QMD, FIXED, levels, b"", some(3, 3, 2, 4), [25, -8]),
         "qmd-huffman": make(rng, QMD, HUFFMAN, levels, wide, some(3, 3, 3), [25, 30]),
+        "adpcm-sliding-15": make(rng, ADPCM, HUFFMAN, still + bytes([15, 1]), wide, some(6, 6, 0, 6), [60, -30, 30], ones=0.3),
+        "adpcm-sliding-120": make(rng, ADPCM, FIXED, adapts + bytes([120, 4]), b"", some(3, 4, 2), [200, -150]),
+        "adpcm-sliding-edges": make(rng, ADPCM, ADAPTIVE, adapts + bytes([120, 0]), bytes([6]), edges, [260]),
     }
     return {f"{name}.mclip": clip for name, clip in made.items()}
 

@@ -61,14 +61,6 @@ impl<'a> Cursor<'a> {
         Ok(self.varint(field, u16::MAX.into())? as u16)
     }
 
-    pub fn i32(&mut self, field: Field) -> Result<i32, Error> {
-        Ok(crate::arithmetic::signed(self.u32(field)?))
-    }
-
-    pub fn i16(&mut self, field: Field) -> Result<i16, Error> {
-        Ok(crate::arithmetic::signed(self.u16(field)?.into()) as i16)
-    }
-
     /// A length and as many bytes.
     pub fn bytes(&mut self, field: Field) -> Result<&'a [u8], Error> {
         let needed = usize::try_from(self.u32(field)?).unwrap_or(usize::MAX);
@@ -87,6 +79,7 @@ impl<'a> Cursor<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{Random, stride, times};
 
     const FIELD: Field = Field::Header;
 
@@ -96,13 +89,11 @@ mod tests {
         let unsigned = (0..32).flat_map(|bit| [(1u32 << bit) - 1, 1 << bit, u32::MAX - (1 << bit)]);
         for value in unsigned {
             let mut buffer = [0; 64];
-            let tuple = (value, value as u16, value as i32, value as i16, value as u8, "Ωx", &b"abc"[..]);
+            let tuple = (value, value as u16, value as u8, "Ωx", &b"abc"[..]);
             let bytes = postcard::to_slice(&tuple, &mut buffer).unwrap();
             let mut cursor = Cursor { rest: bytes, end: 100 };
             assert_eq!(cursor.u32(FIELD), Ok(value));
             assert_eq!(cursor.u16(FIELD), Ok(value as u16));
-            assert_eq!(cursor.i32(FIELD), Ok(value as i32));
-            assert_eq!(cursor.i16(FIELD), Ok(value as i16));
             assert_eq!(cursor.u8(FIELD), Ok(value as u8));
             assert_eq!(cursor.str(FIELD), Ok("Ωx"));
             assert_eq!(cursor.bytes(FIELD), Ok(&b"abc"[..]));
@@ -113,14 +104,14 @@ mod tests {
     /// Every sequence of up to three bytes as a 16-bit number, and samples of five as a 32-bit one.
     #[test]
     fn what_postcard_refuses_is_refused() {
-        for value in 0..1u32 << 24 {
+        for value in (0..1u32 << 24).step_by(stride(20_011)) {
             let [a, b, c, _] = value.to_le_bytes();
             let bytes = [a, b, c];
             let found = Cursor { rest: &bytes, end: 3 }.u16(FIELD).ok();
             assert_eq!(found, postcard::from_bytes::<u16>(&bytes).ok(), "{bytes:x?}");
         }
-        let mut random = crate::testing::Random(13);
-        for _ in 0..1_000_000 {
+        let mut random = Random(13);
+        for _ in 0..times(1_000_000, 500) {
             let mut bytes = [0xff; 6];
             bytes.iter_mut().take(random.below(6)).for_each(|byte| *byte = random.next() as u8 | 0x80);
             if let Some(last) = bytes.get_mut(random.below(8)) {

@@ -1,8 +1,9 @@
-//! The header of a clip: a prefix of fixed size, then postcard structures that are borrowed in place.
+//! The header of a clip: a prefix of fixed size, then a postcard structure that is borrowed in place.
 
 use super::codec::{Codec, CodecId, EntropyId};
 use super::cursor::Cursor;
 use super::engine::Needs;
+use super::record::{Bounds, Channels};
 use crate::entropy::huffman::Shape;
 use crate::entropy::{AdaptiveHuffman, adaptive_huffman};
 use crate::error::{Error, Field, Limits};
@@ -83,7 +84,7 @@ impl Prefix {
     }
 }
 
-/// The header's first structure, as it is stored.
+/// The header, as it is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Opening<'a> {
     /// Frames per second are this …
@@ -110,11 +111,19 @@ pub struct Opening<'a> {
     pub tables: &'a [u8],
     /// Certified worst-case cycles of a frame: 5 bytes a core, its number and 4 bytes of cycles.
     pub cycles: &'a [u8],
+    /// Pairs of predictor coefficients: `i16`, 4 bytes a pair.
+    pub predictors: &'a [u8],
+    /// The channels' records, a bit string: see [`Channels`].
+    pub records: &'a [u8],
+    /// The joints' names, each a length and as many bytes of UTF-8; or nothing.
+    pub names: &'a [u8],
 }
 
 impl<'a> Opening<'a> {
-    fn read(cursor: &mut Cursor<'a>) -> Result<Self, Error> {
-        Ok(Self {
+    /// Reads it, and where in the clip the records end.
+    fn read(cursor: &mut Cursor<'a>) -> Result<(Self, usize), Error> {
+        let records_end;
+        let opening = Self {
             rate_numerator: cursor.u32(Field::Rate)?,
             rate_denominator: cursor.u32(Field::Rate)?,
             frames: cursor.u32(Field::Frames)?,
@@ -127,80 +136,15 @@ impl<'a> Opening<'a> {
             parameters: cursor.bytes(Field::Parameters)?,
             tables: cursor.bytes(Field::CodeTables)?,
             cycles: cursor.bytes(Field::Cycles)?,
-        })
-    }
-}
-
-/// A channel, as it is stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Channel<'a> {
-    /// Its name, for instance `rradius.rx`.
-    pub name: &'a str,
-    /// Its unit ([`Unit`]).
-    pub unit: u8,
-    /// Its lowest value, a word.
-    pub low: i32,
-    /// Its highest value, a word, not below `low`.
-    pub high: i32,
-    /// Places by which its values are shifted at an entry point, 0 to 31.
-    pub entry_shift: u8,
-    /// Bits of a code, 0 to 16; with 0, the channel keeps its value from one entry point to the next.
-    pub bits: u8,
-    /// Index of its step, or of its first step where it adapts; pcm: the exponent of Δ.
-    pub step: u8,
-    /// Its group of code tables.
-    pub group: u8,
-    /// Coefficients of its predictor in 16384ths; pcm: the first is the mantissa of Δ.
-    pub coefficients: [i16; 2],
-}
-
-impl<'a> Channel<'a> {
-    fn read(cursor: &mut Cursor<'a>) -> Result<Self, Error> {
-        let field = Field::Channel;
-        Ok(Self {
-            name: cursor.str(field)?,
-            unit: cursor.u8(field)?,
-            low: cursor.i32(field)?,
-            high: cursor.i32(field)?,
-            entry_shift: cursor.u8(field)?,
-            bits: cursor.u8(field)?,
-            step: cursor.u8(field)?,
-            group: cursor.u8(field)?,
-            coefficients: [cursor.i16(field)?, cursor.i16(field)?],
-        })
-    }
-
-    /// Bits of the channel's value at an entry point.
-    pub const fn entry_bits(&self) -> u32 {
-        32u32.saturating_sub((self.low.abs_diff(self.high) >> (self.entry_shift & 31)).leading_zeros())
-    }
-}
-
-/// What a channel's values are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unit {
-    /// A rotation, in degrees.
-    Degrees,
-    /// A length, in centimetres.
-    Centimetres,
-}
-
-impl Unit {
-    /// Its number in a header.
-    pub const fn id(self) -> u8 {
-        match self {
-            Self::Degrees => 0,
-            Self::Centimetres => 1,
-        }
-    }
-
-    /// The unit with this number.
-    pub const fn from_id(id: u8) -> Option<Self> {
-        match id {
-            0 => Some(Self::Degrees),
-            1 => Some(Self::Centimetres),
-            _ => None,
-        }
+            predictors: cursor.bytes(Field::Predictor)?,
+            records: {
+                let records = cursor.bytes(Field::Channel)?;
+                records_end = cursor.at();
+                records
+            },
+            names: cursor.bytes(Field::Names)?,
+        };
+        Ok((opening, records_end))
     }
 }
 
@@ -210,7 +154,6 @@ pub struct Header<'a> {
     opening: Opening<'a>,
     codec: Codec<'a>,
     entropy: EntropyId,
-    channels: &'a [u8],
 }
 
 impl<'a> Header<'a> {
@@ -230,17 +173,19 @@ impl<'a> Header<'a> {
         }
         let body = covered.get(PREFIX_BYTES..).ok_or(truncated)?;
         let mut cursor = Cursor { rest: body, end: covered.len() };
-        let opening = Opening::read(&mut cursor)?;
-        let channels = cursor.rest;
-        let header = Self::check(opening, channels, limits)?;
-        header.check_channels(covered.len())?;
+        let (opening, records_end) = Opening::read(&mut cursor)?;
+        if !cursor.rest.is_empty() {
+            return Err(Error::Encoding { field: Field::Header, at: cursor.at() });
+        }
+        let header = Self::check(opening, limits)?;
+        header.check_channels(records_end, covered.len())?;
         let needed = header.needs().bytes() as u32;
         check(Field::Ram, PREFIX_BYTES, opening.ram, needed, u32::MAX)?;
         Ok(header)
     }
 
-    /// Checks the first structure.
-    fn check(opening: Opening<'a>, channels: &'a [u8], limits: Limits) -> Result<Self, Error> {
+    /// Checks all but the channels.
+    fn check(opening: Opening<'a>, limits: Limits) -> Result<Self, Error> {
         let at = PREFIX_BYTES;
         check(Field::Rate, at, opening.rate_numerator, 1, u32::MAX)?;
         check(Field::Rate, at, opening.rate_denominator, 1, u32::MAX)?;
@@ -273,36 +218,26 @@ impl<'a> Header<'a> {
         if opening.cycles.len().checked_rem(5) != Some(0) {
             return Err(Error::Encoding { field: Field::Header, at });
         }
-        Ok(Self { opening, codec, entropy, channels })
+        if opening.predictors.len().checked_rem(4) != Some(0) {
+            return Err(Error::Encoding { field: Field::Predictor, at });
+        }
+        Ok(Self { opening, codec, entropy })
     }
 
-    /// Checks every channel; `end` is where the header ends.
-    fn check_channels(&self, end: usize) -> Result<(), Error> {
+    /// Checks every channel. Records and names end at these bytes of the clip.
+    fn check_channels(&self, records_end: usize, names_end: usize) -> Result<(), Error> {
         let groups = match (self.entropy, Shape::read(self.opening.tables)) {
             (EntropyId::Huffman, Ok(shape)) => shape.groups,
             _ => 1,
         };
-        let highest_step = if matches!(self.codec, Codec::Pcm) { MAX_EXPONENT } else { MAX_STEP };
-        let mut cursor = Cursor { rest: self.channels, end };
-        for _ in 0..self.opening.channels {
-            let at = cursor.at();
-            let channel = Channel::read(&mut cursor)?;
-            check(Field::Unit, at, channel.unit.into(), 0, Unit::Centimetres.id().into())?;
-            if channel.low > channel.high {
-                return Err(Error::Encoding { field: Field::Range, at });
-            }
-            check(Field::EntryShift, at, channel.entry_shift.into(), 0, 31)?;
-            check(Field::Bits, at, channel.bits.into(), 0, self.codec.most_bits().min(MAX_BITS).into())?;
-            check(Field::Step, at, channel.step.into(), 0, highest_step.into())?;
-            check(Field::Group, at, channel.group.into(), 0, u32::from(groups.saturating_sub(1)))?;
-        }
-        if cursor.rest.is_empty() {
-            return Ok(());
-        }
-        Err(Error::Encoding { field: Field::Channel, at: cursor.at() })
+        self.channels_at(records_end, names_end).check(Bounds {
+            bits: self.codec.most_bits().min(MAX_BITS),
+            step: if matches!(self.codec, Codec::Pcm) { MAX_EXPONENT } else { MAX_STEP },
+            group: groups.saturating_sub(1),
+        })
     }
 
-    /// The first structure as it is stored.
+    /// The header as it is stored.
     pub const fn opening(&self) -> &Opening<'a> {
         &self.opening
     }
@@ -337,8 +272,12 @@ impl<'a> Header<'a> {
     }
 
     /// The channels, in the order of a frame.
-    pub const fn channels(&self) -> Channels<'a> {
-        Channels { cursor: Cursor { rest: self.channels, end: self.channels.len() } }
+    pub fn channels(&self) -> Channels<'a> {
+        self.channels_at(0, 0)
+    }
+
+    fn channels_at(&self, records_end: usize, names_end: usize) -> Channels<'a> {
+        Channels::new(&self.opening, records_end, names_end, matches!(self.codec, Codec::Pcm))
     }
 
     /// The memory that a decoder needs.
@@ -349,23 +288,9 @@ impl<'a> Header<'a> {
             (EntropyId::AdaptiveHuffman, &[bits]) => AdaptiveHuffman::words(bits),
             _ => 0,
         };
+        let words = words.saturating_add(self.codec.ring_words().saturating_mul(channels));
         let correlations = if self.codec.adapts_predictor() { channels } else { 0 };
         Needs { channels, correlations, words }
-    }
-}
-
-/// The channels of a header.
-#[derive(Clone, Debug)]
-pub struct Channels<'a> {
-    cursor: Cursor<'a>,
-}
-
-impl<'a> Iterator for Channels<'a> {
-    type Item = Channel<'a>;
-
-    fn next(&mut self) -> Option<Channel<'a>> {
-        // Checked by `Header::parse`: an error is the end.
-        Channel::read(&mut self.cursor).ok()
     }
 }
 

@@ -16,6 +16,7 @@ mod cursor;
 mod decoder;
 mod engine;
 mod header;
+mod record;
 mod state;
 mod stream;
 
@@ -25,6 +26,7 @@ pub use clip::Clip;
 pub use codec::{Adaptation, Adpcm, Codec, CodecId, EntropyId};
 pub use decoder::Decoder;
 pub use engine::{Engine, Memory, Needs};
-pub use header::{Channel, Channels, Header, MAGIC, Opening, PREFIX_BYTES, Prefix, Unit, VERSION, checksum};
+pub use header::{Header, MAGIC, Opening, PREFIX_BYTES, Prefix, VERSION, checksum};
+pub use record::{Channel, ChannelKind, Channels, MANTISSA_BITS, Packing, Packings, entry_shift};
 pub use state::State;
 pub use stream::{Receiver, Stream};

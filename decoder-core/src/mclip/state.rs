@@ -1,7 +1,7 @@
 //! What a decoder keeps of a channel.
 
 use super::codec::{Adpcm, Codec};
-use super::header::Channel;
+use super::record::Channel;
 use crate::quantise::{Grid, step};
 
 /// A channel between frames, in 12 bytes. Its last value is in the pose.
@@ -41,7 +41,9 @@ impl State {
             Codec::Dpcm { order: 0 } | Codec::Qmd(_) => (size, 0, 0),
             Codec::Dpcm { .. } => (size, value, first),
             Codec::Adpcm(Adpcm { predictor: None, .. }) => (index.into(), value, first),
-            Codec::Adpcm(_) => (index.into(), pair(coefficients), 0),
+            Codec::Adpcm(Adpcm { quantiser, .. }) => {
+                (if quantiser.adapts() { index.into() } else { size }, pair(coefficients), 0)
+            }
         };
         Self { step, second, coefficient, bits, context }
     }

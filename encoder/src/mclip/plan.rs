@@ -1,15 +1,24 @@
 //! Chooses what a codec's channels look like for a motion and a quality.
 
 use super::run::{Coded, Plan};
+use super::train::Steps;
 use super::{Predictor, Settings};
 use crate::qmd::Source;
 use decoder_core::entropy::fixed_width::OCTET;
-use decoder_core::mclip::{Adaptation, Adpcm, Channel, CodecId, EntropyId, Opening};
+use decoder_core::mclip::{
+    Adaptation, Adpcm, Channel, ChannelKind, CodecId, EntropyId, Opening, entry_shift,
+};
 use decoder_core::predict::fixed::{LEAK_ONE, MOMENTUM_ONE};
 use decoder_core::quantise::adaptive::CLASSES;
-use decoder_core::quantise::step::{MAX_STEP, size};
+use decoder_core::quantise::step::MAX_STEP;
 use decoder_core::quantise::{Adaptive, Grid, MAX_BITS};
 use rayon::prelude::*;
+
+/// Values at entry points are told apart to a quarter of a step: what is off there, the next frames have to mend.
+pub(super) const PRECISION: u8 = 2;
+
+/// Exponent that the value of a pcm channel at rest is stored with: to a 1024th of a unit.
+const REST_EXPONENT: u8 = 6;
 
 /// What a channel is coded like: everything that its record needs beyond name, unit and range.
 #[derive(Clone, Copy, Debug)]
@@ -30,18 +39,19 @@ pub(super) fn parameters(settings: &Settings, levels: &[u8]) -> Vec<u8> {
             _ => 2,
         }],
         CodecId::Adpcm => {
-            let multipliers = if settings.adapt_step { classes(settings.multipliers) } else { [0; CLASSES] };
+            let still = Adaptive { multipliers: [0; CLASSES], low: 0, high: MAX_STEP };
+            let quantiser = settings.steps.filter(|_| settings.adapt_step).map_or(still, Steps::quantiser);
             let predictor = match settings.predictor {
                 Predictor::Adaptive { window, period } => Some(Adaptation { window, period }),
                 _ => None,
             };
-            Adpcm { quantiser: Adaptive { multipliers, low: 0, high: MAX_STEP }, predictor }.bytes().to_vec()
+            Adpcm { quantiser, predictor }.bytes().to_vec()
         }
     }
 }
 
 /// The multipliers of codes' first four bits, from those of magnitudes 0 to 7: codes of four bits, of which −8 counts as 7.
-fn classes(of_magnitudes: [i8; 8]) -> [i8; CLASSES] {
+pub(super) fn classes(of_magnitudes: [i8; 8]) -> [i8; CLASSES] {
     std::array::from_fn(|class| of_magnitudes[if class < 8 { class } else { (16 - class).min(7) }])
 }
 
@@ -60,7 +70,7 @@ pub(super) fn step_index(words: f64) -> u8 {
 /// Gives channels at rest codes too, where all others of their octet have codes of one width: a decoder takes the codes of
 /// equal octets several times as fast.
 pub(super) fn level(choices: &mut [Choice]) {
-    for octet in choices.chunks_exact_mut(OCTET) {
+    for octet in choices.chunks_mut(OCTET) {
         let width = octet.iter().map(|choice| choice.bits).max().unwrap_or(0);
         if octet.iter().all(|choice| choice.bits == 0 || choice.bits == width) {
             octet.iter_mut().for_each(|choice| choice.bits = width);
@@ -92,32 +102,38 @@ impl Column {
             .collect()
     }
 
-    /// The record of this channel.
-    pub fn record<'n>(&self, codec: CodecId, name: &'n str, unit: u8, choice: Choice) -> Channel<'n> {
+    /// What this channel is like, without its joint.
+    pub fn record(&self, codec: CodecId, kind: ChannelKind, choice: Choice) -> Channel<'static> {
+        let Choice { bits, step, coefficients } = choice;
         let mut channel = Channel {
-            name,
-            unit,
+            joint: "",
+            kind,
             low: self.low,
-            high: self.high,
-            // Entry values in steps of a quarter of the channel's, or less.
-            entry_shift: (size(choice.step).ilog2() as u8).saturating_sub(2),
-            bits: choice.bits,
-            step: choice.step,
+            entry_bits: 0,
+            entry_shift: 0,
+            bits,
+            step,
             group: 0,
-            coefficients: choice.coefficients,
+            coefficients,
         };
-        if choice.bits == 0 {
-            // A channel at rest stays in the middle of its range.
-            let middle = self.low + (self.high.wrapping_sub(self.low) >> 1);
-            (channel.low, channel.high) = (middle, middle);
-            channel.entry_shift = 0;
-        }
-        if codec == CodecId::Pcm {
-            channel.entry_shift = 0;
-            (channel.step, channel.coefficients) = match Grid::covering(self.low, self.high, choice.bits) {
+        let is_pcm = codec == CodecId::Pcm;
+        if is_pcm {
+            (channel.step, channel.coefficients) = match Grid::covering(self.low, self.high, bits) {
                 Some(grid) => (grid.exponent, [grid.mantissa, 0]),
-                None => (0, [1, 0]),
+                None => (REST_EXPONENT, [1, 0]),
             };
+        }
+        channel.entry_shift = entry_shift(channel.step, PRECISION, is_pcm);
+        let shift = u32::from(channel.entry_shift);
+        if bits == 0 {
+            // A channel at rest stays in the middle of its range.
+            let middle = i64::midpoint(self.low.into(), self.high.into());
+            channel.low =
+                ((((middle << 1 >> shift) + 1) >> 1) << shift).clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        } else if is_pcm {
+            channel.low = self.low >> shift << shift;
+        } else {
+            (channel.low, channel.entry_bits) = span(self.low, self.high, shift);
         }
         channel
     }
@@ -135,7 +151,7 @@ impl Column {
         let still = Choice { bits: 0, step: 0, coefficients: [0, 0] };
         let mut plan = self.plan(settings, parameters, choice);
         plan.opening.channels += before as u16;
-        plan.channels.splice(..0, (0..before).map(|_| rest.record(settings.codec, "", 0, still)));
+        plan.channels.splice(..0, (0..before).map(|_| rest.record(settings.codec, ChannelKind::Rx, still)));
         let mut targets = vec![0; self.targets.len() * (before + 1)];
         for (row, &target) in targets.chunks_exact_mut(before + 1).zip(&self.targets) {
             row[before] = target;
@@ -146,7 +162,7 @@ impl Column {
     }
 
     /// A plan for this channel alone.
-    fn plan<'p>(&self, settings: &Settings, parameters: &'p [u8], choice: Choice) -> Plan<'p> {
+    pub fn plan<'p>(&self, settings: &Settings, parameters: &'p [u8], choice: Choice) -> Plan<'p> {
         Plan {
             opening: Opening {
                 rate_numerator: 1,
@@ -161,8 +177,12 @@ impl Column {
                 parameters,
                 tables: &[],
                 cycles: &[],
+                predictors: &[],
+                records: &[],
+                names: &[],
             },
-            channels: vec![self.record(settings.codec, "", 0, choice)],
+            channels: vec![self.record(settings.codec, ChannelKind::Rx, choice)],
+            precision: PRECISION,
             entry_frames: settings.entry_frames,
             dead: settings.dead,
         }
@@ -174,9 +194,22 @@ impl Column {
     }
 
     /// Sum of squared errors, in squared words.
-    fn squared_error(&self, coded: &Coded) -> f64 {
+    pub fn squared_error(&self, coded: &Coded) -> f64 {
         self.targets.iter().zip(&coded.decoded).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum()
     }
+}
+
+/// The lowest value and the bits of values at entry points that cover `low` to `high` in units of `2^shift`.
+fn span(low: i32, high: i32, shift: u32) -> (i32, u8) {
+    let half = 1i64 << shift >> 1;
+    for bits in 0..=32u32 {
+        let by = shift + bits.saturating_sub(2);
+        let bottom = i64::from(low) >> by << by;
+        if bottom + (((1i64 << bits) - 1) << shift) + half >= i64::from(high) {
+            return (bottom as i32, bits as u8);
+        }
+    }
+    unreachable!("32 bits cover all words")
 }
 
 /// Coefficients of the fixed predictors that are tried for a channel.
@@ -200,7 +233,7 @@ fn candidates(predictor: Predictor, column: &Column) -> Vec<[i16; 2]> {
 }
 
 /// Bits of the codes by their own frequencies.
-fn entropy(codes: &[i32]) -> f64 {
+pub(super) fn entropy(codes: &[i32]) -> f64 {
     let mut sorted = codes.to_vec();
     sorted.sort_unstable();
     let total = codes.len() as f64;

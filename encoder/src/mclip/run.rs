@@ -10,6 +10,8 @@ use decoder_core::quantise::Quantise;
 pub(super) struct Plan<'p> {
     pub opening: Opening<'p>,
     pub channels: Vec<Channel<'p>>,
+    /// Binary places of a step that values at an entry point are told apart to.
+    pub precision: u8,
     /// Frames from one entry point to the next.
     pub entry_frames: usize,
     /// How much smaller than half a step a difference counts, in 64ths of a step: rounding towards zero makes
@@ -41,7 +43,7 @@ impl Plan<'_> {
     /// # Panics
     /// If the plan is no valid header: a mistake of the encoder.
     pub fn run(&self, targets: &[i32]) -> Coded {
-        let bytes = writer::header(&self.opening, &self.channels);
+        let bytes = writer::header(&self.opening, &self.channels, self.precision);
         let header = match Header::parse(&bytes, Limits::MAX) {
             Ok(header) => header,
             Err(error) => panic!("the encoder planned a header that cannot be: {error}"),

@@ -2,26 +2,32 @@
 
 use super::bits::BitWriter;
 use super::prefix::{Books, CLASS_COUNTS};
+use super::record::Records;
 use super::run::{Coded, Plan};
 use decoder_core::Limits;
 use decoder_core::arithmetic::unsigned;
 use decoder_core::entropy::AdaptiveHuffman;
 use decoder_core::entropy::fixed_width::OCTET;
 use decoder_core::entropy::huffman::Shape;
-use decoder_core::mclip::{BlockHeader, Channel, EntropyId, Header, MAGIC, Opening, VERSION, checksum};
+use decoder_core::mclip::{
+    BlockHeader, Channel, CodecId, EntropyId, Header, MAGIC, Opening, VERSION, checksum,
+};
 
-/// Prefix, header and checksum. The memory that a decoder needs is filled in.
-pub(super) fn header(opening: &Opening<'_>, channels: &[Channel<'_>]) -> Vec<u8> {
+/// Prefix, header and checksum. The memory that a decoder needs and the channels are filled in.
+pub(super) fn header(opening: &Opening<'_>, channels: &[Channel<'_>], precision: u8) -> Vec<u8> {
+    let Records { predictors, records, names } =
+        Records::of(channels, precision, opening.codec == CodecId::Pcm.id());
+    let opening =
+        Opening { predictors: &predictors, records: &records, names: &names, ram: u32::MAX, ..*opening };
     // A header that asks for all memory is valid, and says what it needs.
-    let most = assemble(&Opening { ram: u32::MAX, ..*opening }, channels);
+    let most = assemble(&opening);
     let ram = Header::parse(&most, Limits::MAX).map_or(u32::MAX, |header| header.needs().bytes() as u32);
-    assemble(&Opening { ram, ..*opening }, channels)
+    assemble(&Opening { ram, ..opening })
 }
 
-fn assemble(opening: &Opening<'_>, channels: &[Channel<'_>]) -> Vec<u8> {
+fn assemble(opening: &Opening<'_>) -> Vec<u8> {
     let mut body = Vec::new();
     append(&mut body, opening);
-    channels.iter().for_each(|channel| append(&mut body, channel));
     let mut bytes = MAGIC.to_vec();
     bytes.extend(VERSION.to_le_bytes());
     bytes.extend([0, 0]);
@@ -31,7 +37,7 @@ fn assemble(opening: &Opening<'_>, channels: &[Channel<'_>]) -> Vec<u8> {
     bytes
 }
 
-fn append(bytes: &mut Vec<u8>, value: &impl serde::Serialize) {
+pub(super) fn append(bytes: &mut Vec<u8>, value: &impl serde::Serialize) {
     match postcard::to_stdvec(value) {
         Ok(part) => bytes.extend(part),
         Err(error) => unreachable!("a vector grows: {error}"),
@@ -122,7 +128,7 @@ enum Frame<'c> {
 
 /// Goes through all frames: the frame's number, and its parts.
 fn walk(plan: &Plan<'_>, coded: &Coded, mut visit: impl FnMut(usize, Frame<'_>)) {
-    let has_values = plan.opening.codec != decoder_core::mclip::CodecId::Pcm.id();
+    let has_values = plan.opening.codec != CodecId::Pcm.id();
     let count = active(plan).count();
     let mut codes = coded.codes.as_slice();
     let mut entries = coded.entries.iter();
@@ -221,7 +227,7 @@ fn assemble_clip(
     }
     block.finish(&mut blocks, &mut longest);
     let opening = Opening { entropy: entropy.id(), tables, block_bytes: longest as u16, ..plan.opening };
-    let mut bytes = header(&opening, &plan.channels);
+    let mut bytes = header(&opening, &plan.channels, plan.precision);
     bytes.extend(blocks);
     bytes
 }

@@ -2,7 +2,7 @@
 
 use super::input::is_mclip;
 use anyhow::{Context, Result};
-use decoder_core::mclip::{self, Unit};
+use decoder_core::mclip::{self, ChannelKind, CodecId};
 use decoder_core::qmd::Clip;
 use decoder_core::{I16F16, Limits};
 use host_sim::files;
@@ -77,10 +77,8 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
     let seconds = f64::from(clip.frames()) / fps;
     let rate = bytes.len() as f64 * 8.0 / seconds;
     let value = |word| I16F16::from_bits(word).to_num::<f64>();
-    let unit = |id| match Unit::from_id(id) {
-        Some(Unit::Centimetres) => "cm",
-        _ => "degrees",
-    };
+    let unit = |kind: ChannelKind| if kind.is_rotation() { "degrees" } else { "cm" };
+    let is_pcm = header.codec().id() == CodecId::Pcm;
     let cycles: Vec<(u8, u32)> = opening
         .cycles
         .as_chunks::<5>()
@@ -93,9 +91,9 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
             .channels()
             .map(|channel| {
                 serde_json::json!({
-                    "name": channel.name, "unit": unit(channel.unit), "low": value(channel.low),
-                    "high": value(channel.high), "bits": channel.bits, "step": channel.step,
-                    "group": channel.group, "entry_bits": channel.entry_bits(),
+                    "name": channel.to_string(), "unit": unit(channel.kind), "low": value(channel.low),
+                    "high": value(channel.high(is_pcm)), "bits": channel.bits, "step": channel.step,
+                    "group": channel.group, "entry_bits": channel.entry_bits,
                     "coefficients": channel.coefficients.map(|c| f64::from(c) / 16384.0),
                 })
             })
@@ -133,11 +131,13 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
     if args.channels {
         println!("  channel            bits  step   low        high");
         for channel in header.channels() {
-            let (low, high) = (value(channel.low), value(channel.high));
-            let unit = unit(channel.unit);
+            let (low, high) = (value(channel.low), value(channel.high(is_pcm)));
+            let unit = unit(channel.kind);
             println!(
                 "  {:<18} {:>4} {:>5} {low:>10.3} {high:>10.3} {unit}",
-                channel.name, channel.bits, channel.step
+                channel.to_string(),
+                channel.bits,
+                channel.step
             );
         }
     }
