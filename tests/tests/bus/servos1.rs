@@ -25,8 +25,12 @@ fn seal(packet: &mut [u8]) {
         return;
     }
     packet[3] = (len - 4) as u8;
-    let sum: u32 = packet[2..len - 1].iter().map(|&byte| u32::from(byte)).sum();
-    packet[len - 1] = 255 - (sum % 256) as u8;
+    packet[len - 1] = 255 - sum(&packet[2..len - 1]) as u8;
+}
+
+/// The sum of all bytes from the id on, without its carry; 255 with the checksum.
+pub fn sum(bytes: &[u8]) -> u32 {
+    bytes.iter().map(|&byte| u32::from(byte)).sum::<u32>() % 256
 }
 
 pub struct Servo {
@@ -170,8 +174,7 @@ impl Protocol1 {
                 [0xFF, 0xFF, id, length @ 2..=255, ..] => {
                     let len = 4 + usize::from(length);
                     let bytes = self.pending.get(..len)?.to_vec();
-                    let sum: u32 = bytes[2..].iter().map(|&byte| u32::from(byte)).sum();
-                    if sum % 256 == 255 {
+                    if sum(&bytes[2..]) == 255 {
                         self.pending.drain(..len);
                         return Some((id, bytes[4..len - 1].to_vec()));
                     }

@@ -37,7 +37,7 @@ pub fn packet(id: u8, body: &[u8]) -> Vec<u8> {
     out
 }
 
-fn unstuffed(body: &[u8]) -> Vec<u8> {
+pub fn unstuffed(body: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
     let mut at = 0;
     while at < body.len() {
