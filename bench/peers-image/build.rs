@@ -3,6 +3,7 @@
 //! - `BUNRAKU_STORE`: path of the motion as it is stored; a small one as int16 unless given
 //! - `BUNRAKU_CHANNELS`: values of a frame
 //! - `BUNRAKU_BLOCK_FRAMES`: frames that are packed together
+//! - `BUNRAKU_WINDOW_BITS`: bits of tamp's window
 //! - `BUNRAKU_DELTA`: `1` where frames are stored as differences to the frame before
 
 use std::path::PathBuf;
@@ -29,7 +30,13 @@ fn main() {
         "/// Frames that are packed together.\nconst BLOCK_FRAMES: usize = {};\n",
         number("BUNRAKU_BLOCK_FRAMES", 1)
     );
-    for (name, text) in [("sizes.rs", sizes.as_bytes()), ("block.rs", block.as_bytes()), ("store", &store)] {
+    let window = format!(
+        "/// Bits of tamp's window.\nconst WINDOW_BITS: u16 = {};\n",
+        number("BUNRAKU_WINDOW_BITS", 10)
+    );
+    let texts = [("sizes.rs", &sizes), ("block.rs", &block), ("window.rs", &window)];
+    let texts = texts.map(|(name, text)| (name, text.as_bytes()));
+    for (name, text) in texts.into_iter().chain([("store", store.as_slice())]) {
         fs::write(out.join(name), text).unwrap_or_else(|error| panic!("cannot write {name}: {error}"));
     }
     println!("cargo:rustc-link-search={WORKSPACE}");

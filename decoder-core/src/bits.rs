@@ -8,96 +8,128 @@ pub const MAX_TAKE: u32 = 16;
 
 /// A position in a slice of bytes.
 ///
-/// Up to four bytes are held in a word, two of which are fetched at a time, so that a code costs two shifts, and every
-/// second byte a branch and a load.
+/// There are always [`MAX_TAKE`] bits in a word, so that looking at the next ones is one shift, and taking them a shift
+/// and a subtraction; every second byte costs a branch and a load. Methods on the hot path take the reader apart or
+/// are inlined, so that it stays in registers.
 #[derive(Clone, Debug)]
 pub struct BitReader<'a> {
     rest: &'a [u8],
     /// The next bits, left-aligned; zeros below those that are held.
     window: u32,
-    /// Bits in `window`, those past the end included.
-    held: u32,
-    /// Bits past the end that were fetched.
+    /// Bits held beyond [`MAX_TAKE`], 0 to 15 between calls.
+    spare: i32,
+    /// Bytes past the end that were fetched.
     missing: usize,
-    /// Bits that there are.
+    /// Bytes that there are.
     length: usize,
 }
 
 impl<'a> BitReader<'a> {
     /// Before the first bit of `bytes`.
-    pub const fn new(bytes: &'a [u8]) -> Self {
-        Self { rest: bytes, window: 0, held: 0, missing: 0, length: bytes.len().saturating_mul(8) }
+    #[inline(always)]
+    pub fn new(bytes: &'a [u8]) -> Self {
+        let mut reader = Self { rest: bytes, window: 0, spare: -16, missing: 0, length: bytes.len() };
+        reader.fetch();
+        reader
     }
 
     /// Before bit `position` of `bytes`; past the end where there are not so many.
+    #[inline(always)]
     pub fn at(bytes: &'a [u8], position: usize) -> Self {
         let whole = position >> 3;
         let rest = bytes.get(whole..).unwrap_or_default();
-        let missing = position.saturating_sub(bytes.len().saturating_mul(8)) & !7;
-        let mut reader = Self { rest, missing, ..Self::new(bytes) };
-        reader.take((position & 7) as u32);
+        let missing = whole.saturating_sub(bytes.len());
+        let mut reader = Self { rest, window: 0, spare: -16, missing, length: bytes.len() };
+        reader.fetch();
+        reader.skip((position & 7) as u32);
         reader
     }
 
     /// The next `count` bits, at most [`MAX_TAKE`], as a number; they are taken.
     #[inline(always)]
     pub fn take(&mut self, count: u32) -> u32 {
-        let value = self.peek(count);
+        // In two shifts, since none is as wide as the word.
+        let value = (self.window >> 1).wrapping_shr(31u32.wrapping_sub(count));
         self.skip(count);
         value
     }
 
-    /// The next `count` bits, at most [`MAX_TAKE`]; they stay.
+    /// The next `count` bits, 1 to [`MAX_TAKE`], as a number in two's complement; they are taken.
     #[inline(always)]
-    pub fn peek(&mut self, count: u32) -> u32 {
-        if self.held < count {
-            self.fetch();
-        }
-        // In two shifts, since none is as wide as the word.
-        (self.window >> 1).wrapping_shr(31u32.wrapping_sub(count))
+    pub fn take_signed(&mut self, count: u32) -> i32 {
+        let value = self.window.cast_signed().wrapping_shr(32u32.wrapping_sub(count));
+        self.skip(count);
+        value
     }
 
-    /// Takes `count` bits that were peeked at.
+    /// The next 8 bits; they stay.
+    #[inline(always)]
+    pub const fn peek_byte(&self) -> u8 {
+        (self.window >> 24) as u8
+    }
+
+    /// Takes `count` bits, at most [`MAX_TAKE`].
     #[inline(always)]
     pub fn skip(&mut self, count: u32) {
+        if !self.skip_held(count) {
+            self.fetch();
+        }
+    }
+
+    /// Takes `count` bits, at most [`MAX_TAKE`], and gives whether as many as a call may take are held still.
+    /// Otherwise [`fetch`](Self::fetch) must follow.
+    #[inline(always)]
+    pub const fn skip_held(&mut self, count: u32) -> bool {
         self.window = self.window.wrapping_shl(count);
-        self.held = self.held.wrapping_sub(count);
+        self.spare = self.spare.wrapping_sub(count.cast_signed());
+        self.spare >= 0
+    }
+
+    /// Goes on at the next whole byte, unless this is one.
+    #[inline(always)]
+    pub fn align(&mut self) {
+        // Bytes are fetched whole: what is held ends on one.
+        self.skip((self.spare & 7).cast_unsigned());
     }
 
     /// Bits taken since the start, those past the end included.
+    #[inline(always)]
     pub const fn position(&self) -> usize {
-        let fetched = self.length.wrapping_sub(self.rest.len().wrapping_mul(8)).wrapping_add(self.missing);
-        fetched.wrapping_sub(self.held as usize)
+        let fetched = self.length.wrapping_sub(self.rest.len()).wrapping_add(self.missing).wrapping_mul(8);
+        fetched.wrapping_sub(16).wrapping_sub(self.spare as usize)
     }
 
     /// Whether more bits were taken than there are.
+    #[inline(always)]
     pub const fn overrun(&self) -> bool {
-        self.position() > self.length
+        self.position() > self.length.saturating_mul(8)
     }
 
     /// Adds 16 bits to a window that holds fewer.
     #[inline(always)]
-    fn fetch(&mut self) {
+    pub fn fetch(&mut self) {
         let bits = match self.rest.split_first_chunk::<2>() {
             Some((&bytes, rest)) => {
                 self.rest = rest;
                 u16::from_be_bytes(bytes)
             }
-            None => self.fetch_last(),
+            None => {
+                let last = last(self.rest);
+                self.missing = self.missing.saturating_add(2).saturating_sub(self.rest.len());
+                self.rest = &[];
+                last
+            }
         };
-        self.window |= u32::from(bits).wrapping_shl(16u32.wrapping_sub(self.held));
-        self.held = self.held.wrapping_add(16);
+        self.window |= u32::from(bits).wrapping_shl(self.spare.wrapping_neg().cast_unsigned());
+        self.spare = self.spare.wrapping_add(16);
     }
+}
 
-    /// The last byte and zeros, or zeros alone.
-    #[cold]
-    #[inline(never)]
-    fn fetch_last(&mut self) -> u16 {
-        let last = self.rest.first().copied();
-        self.rest = &[];
-        self.missing = self.missing.saturating_add(if last.is_some() { 8 } else { 16 });
-        u16::from_be_bytes([last.unwrap_or(0), 0])
-    }
+/// The last byte and zeros, or zeros alone. Not a method: a reader whose address is taken does not stay in registers.
+#[cold]
+#[inline(never)]
+fn last(rest: &[u8]) -> u16 {
+    u16::from_be_bytes([rest.first().copied().unwrap_or(0), 0])
 }
 
 #[cfg(test)]
@@ -122,7 +154,12 @@ mod tests {
             for count in 0..=MAX_TAKE {
                 let mut reader = BitReader::at(&bytes, position);
                 assert_eq!(reader.position(), position);
-                assert_eq!(reader.peek(count), reference(&bytes, position, count));
+                let expected = reference(&bytes, position, count);
+                let signed = expected as i32 - ((expected >> count.max(1) - 1 & 1) << count) as i32;
+                if count > 0 {
+                    assert_eq!(reader.clone().take_signed(count), signed);
+                }
+                assert_eq!(u32::from(reader.peek_byte()), reference(&bytes, position, 8));
                 assert_eq!(reader.take(count), reference(&bytes, position, count), "{position} {count}");
                 assert_eq!(reader.position(), position + count as usize);
                 assert_eq!(reader.overrun(), position + count as usize > 72, "{position} {count}");
@@ -145,8 +182,19 @@ mod tests {
     }
 
     #[test]
+    fn aligning_goes_to_the_next_whole_byte() {
+        let bytes: Vec<u8> = (0..20).collect();
+        for position in 0..160 {
+            let mut reader = BitReader::at(&bytes, position);
+            reader.align();
+            assert_eq!(reader.position(), position.next_multiple_of(8));
+            assert_eq!(reader.take(8), reference(&bytes, position.next_multiple_of(8), 8));
+        }
+    }
+
+    #[test]
     fn a_position_far_beyond_the_end_is_an_overrun() {
-        assert!(BitReader::at(&[1, 2], 1 << 40).overrun());
+        assert!(BitReader::at(&[1, 2], usize::MAX / 16).overrun());
         assert!(!BitReader::at(&[1, 2], 16).overrun());
         assert!(!BitReader::new(&[]).overrun());
     }

@@ -17,31 +17,52 @@
 /// ```
 #[inline(always)]
 pub const fn fixed_from_f32_bits(bits: u32) -> i32 {
-    // The float is M · 2^(e − 158) with M the mantissa, hidden bit included, at the top of a word. Times 2^16
-    // that is M · 2^(e − 142), a right shift by 142 − e of which the last step rounds.
-    let exponent = (bits >> 23) & 0xff;
-    let mantissa = (bits << 8) | 0x8000_0000;
-    let shift = 141u32.wrapping_sub(exponent);
-    if shift > 31 {
-        return out_of_range(bits, exponent);
+    match near(bits) {
+        Some(fixed) => fixed,
+        None => {
+            core::hint::cold_path();
+            // Zeros are many: a channel that rests.
+            if bits << 1 == 0 { 0 } else { far(bits) }
+        }
     }
-    // At most 2^32 − 256 before the increment, so neither step overflows.
-    let magnitude = ((mantissa >> shift).wrapping_add(1) >> 1).cast_signed();
-    let sign = bits.cast_signed() >> 31;
-    (magnitude ^ sign).wrapping_sub(sign)
 }
 
-/// Values that round to zero, saturate, or are no numbers.
-#[cold]
-const fn out_of_range(bits: u32, exponent: u32) -> i32 {
-    let nan = bits & 0x7fff_ffff > 0x7f80_0000;
-    if exponent < 142 || nan {
-        0
-    } else if bits >> 31 == 0 {
-        i32::MAX
-    } else {
-        i32::MIN
+/// The word, where the value is below 128 and not so small that only its exponent says that it is 0.
+///
+/// With M the mantissa of 24 bits, hidden one included, the float is M · 2^(e − 150). Twice that times 2^16 is
+/// M · 2^(e − 133), a right shift by 133 − e; the last bit rounds.
+#[inline(always)]
+pub(crate) const fn near(bits: u32) -> Option<i32> {
+    // 1 − e in the low byte, and in the others what takes sign and exponent off and puts the hidden one on. Written
+    // like this it needs the fewest registers and constants of Cortex-M0+, which has few of both.
+    let hide = 1u32.wrapping_sub(bits >> 23);
+    let shift = (hide & 0xff).wrapping_sub(124);
+    if shift > 31 {
+        return None;
     }
+    let mantissa = bits.wrapping_add(hide << 23);
+    let twice = (mantissa >> shift).cast_signed();
+    let sign = bits.cast_signed() >> 31;
+    // Halves away from zero: −x is !x + 1, so the one that rounds serves for the sign, too.
+    Some((twice ^ sign).wrapping_add(1) >> 1)
+}
+
+/// The word for all others: values that round to 0, values from 128 on, and what is no number.
+#[cold]
+#[inline(never)]
+pub(crate) const fn far(bits: u32) -> i32 {
+    let magnitude = bits & 0x7fff_ffff;
+    let exponent = magnitude >> 23;
+    if exponent < 134 || magnitude > 0x7f80_0000 {
+        return 0;
+    }
+    let sign = bits.cast_signed() >> 31;
+    if exponent > 141 {
+        return i32::MAX ^ sign;
+    }
+    let mantissa = (magnitude & 0x7f_ffff) | 0x80_0000;
+    let magnitude = mantissa.wrapping_shl(exponent.wrapping_sub(134)).cast_signed();
+    (magnitude ^ sign).wrapping_sub(sign)
 }
 
 #[cfg(test)]

@@ -27,6 +27,20 @@ pub trait Frames {
     fn rewind(&mut self);
 }
 
+impl<F: Frames + ?Sized> Frames for &mut F {
+    fn channels(&self) -> usize {
+        (**self).channels()
+    }
+
+    fn next_frame(&mut self) -> Option<&[I16F16]> {
+        (**self).next_frame()
+    }
+
+    fn rewind(&mut self) {
+        (**self).rewind();
+    }
+}
+
 impl Frames for qmd::Decoder<'_, '_> {
     fn channels(&self) -> usize {
         self.clip().channels()

@@ -15,7 +15,7 @@ pub const CLOCK_HZ: u32 = 25_000_000;
 const PACKAGE: &str = "qemu-mps2";
 const TARGET: &str = "thumbv7em-none-eabi";
 
-/// Builds the image that plays `clip` (the bytes of a .qmd) by `map`, and puts it at `to`.
+/// Builds the image that plays `clip` (the bytes of a .qmd or .mclip) by `map`, and puts it at `to`.
 ///
 /// `centihertz` is the rate to play at, in hundredths of a hertz, or 0 for the clip's own. Cargo's messages go to
 /// standard error.
@@ -30,10 +30,7 @@ pub fn build(clip: &[u8], map: &Map, centihertz: u16, to: &Path) -> Result<()> {
         features: "",
         targets: &[TARGET],
         folder: "play",
-        files: &[
-            ("BUNRAKU_CLIP", "clip.qmd", clip),
-            ("BUNRAKU_MAP", "map.postcard", &puppet::to_bytes(map)?),
-        ],
+        files: &[("BUNRAKU_CLIP", "clip", clip), ("BUNRAKU_MAP", "map.postcard", &puppet::to_bytes(map)?)],
         variables: &[("BUNRAKU_CENTIHERTZ", &centihertz.to_string()), ("DEFMT_LOG", "info")],
     };
     let elf = image.build()?.concat();

@@ -3,6 +3,7 @@
 use crate::files;
 use anyhow::{Context, Result, anyhow, bail};
 use std::fs::{self, File};
+use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -73,6 +74,32 @@ impl Image<'_> {
         let built = |target: &&str| files::read(&folder.join(target).join(PROFILE).join(self.binary));
         self.targets.iter().map(built).collect()
     }
+}
+
+/// Runs a program of this workspace that is built for this machine when it is needed: `bytes` go in, what comes out is
+/// returned.
+///
+/// # Errors
+/// A sentence that says what is missing, or that the program failed; what it said goes to standard error.
+pub fn run(package: &str, source: &str, arguments: &[&str], bytes: &[u8]) -> Result<Vec<u8>> {
+    let workspace = workspace(source)?;
+    // A file and not a pipe: a program that fails before it has read all would end us.
+    let mut input = tempfile::tempfile().context("cannot create a temporary file")?;
+    input.write_all(bytes).and_then(|()| input.rewind()).context("cannot write a temporary file")?;
+    let output = Command::new(cargo())
+        .args(["run", "--quiet", "--package", package, "--target-dir"])
+        .arg(target_folder(workspace)?.join("tools"))
+        .arg("--")
+        .args(arguments)
+        .current_dir(workspace)
+        .stdin(input)
+        .stderr(Stdio::inherit())
+        .output()
+        .with_context(|| format!("cannot start cargo, which builds {package}"))?;
+    if !output.status.success() {
+        bail!("{package} could not be built or failed ({})", output.status);
+    }
+    Ok(output.stdout)
 }
 
 /// The workspace that this program was built from, where a package's `source` is.

@@ -2,13 +2,17 @@
 #![forbid(unsafe_code)]
 
 pub mod board;
+pub mod clip;
 pub mod files;
 pub mod image;
 pub mod peers;
+pub mod picture;
 pub mod play;
 pub mod profile;
 pub mod puppet;
 pub mod qemu;
 mod qemu_log;
+pub mod rd;
 pub mod servos;
 pub mod thumb;
+pub mod within;

@@ -2,6 +2,7 @@
 //! same library on a board under QEMU or on the simulated core.
 
 use crate::board;
+use crate::clip::Clip;
 use crate::files;
 use crate::puppet::Map;
 use crate::qemu;
@@ -9,11 +10,7 @@ use crate::qemu_log::Log;
 use crate::servos::{Bus, BusConfig, Event, ServoConfig};
 use crate::thumb::{Board, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
-use decoder_core::mclip;
-use decoder_core::qmd::Clip;
-use decoder_core::{I16F16, Limits};
 use embedded_io_async::{ErrorType, Write};
-use encoder::mclip::Lent;
 use firmware::drive::{buffer_len, drive};
 use firmware::dynamixel::table::GOAL_POSITION;
 use firmware::dynamixel::{Framer, Instruction, Packet};
@@ -67,23 +64,12 @@ impl Recording {
 /// # Errors
 /// Where clip and map do not fit together, or a servo refuses a goal.
 pub fn on_host(clip: &Clip<'_>, map: &Map, centihertz: u16) -> Result<Recording> {
-    let mut pose = vec![I16F16::ZERO; clip.channels()];
-    let mut table = vec![0; clip.table_len()];
-    let decoder = clip.decoder(&mut pose, Some(&mut table))?;
-    let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
-    record(decoder, map, rate)
+    clip.decode(|decoder| record(decoder, map, rate(clip, centihertz)))
 }
 
-/// Plays a clip in blocks on this machine, as fast as it goes. All of it is checked first.
-///
-/// # Errors
-/// As [`on_host`], and where a block of the clip was damaged.
-pub fn mclip_on_host(clip: &mclip::Clip<'_>, map: &Map, centihertz: u16) -> Result<Recording> {
-    let mut lent = Lent::new(clip.header().needs());
-    let mut decoder = clip.decoder(lent.memory())?;
-    while decoder.next_frame()?.is_some() {}
-    let rate = if centihertz > 0 { centihertz } else { clip.header().rate_centihertz() };
-    record(decoder, map, rate)
+/// The rate to play at.
+fn rate(clip: &Clip<'_>, centihertz: u16) -> u16 {
+    if centihertz > 0 { centihertz } else { clip.rate_centihertz() }
 }
 
 /// Plays frames and records what the servos are told.
@@ -97,20 +83,24 @@ fn record(frames: impl Frames, map: &Map, rate: u16) -> Result<Recording> {
 
 /// Builds the image of the board `qemu-mps2` with this clip and map, and plays it under QEMU.
 ///
-/// `bytes` are the clip's. `log` gets the lines that the board logs.
+/// `bytes` are those of `clip`. `log` gets the lines that the board logs.
 ///
 /// # Errors
 /// As [`on_host`], where the image cannot be built, and where the board does not come to the end of the clip.
-pub fn on_qemu(bytes: &[u8], map: &Map, centihertz: u16, log: &mut dyn FnMut(&str)) -> Result<Recording> {
-    let clip = Clip::parse(bytes, Limits::MAX)?;
+pub fn on_qemu(
+    clip: &Clip<'_>,
+    bytes: &[u8],
+    map: &Map,
+    centihertz: u16,
+    log: &mut dyn FnMut(&str),
+) -> Result<Recording> {
     let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
     let path = folder.path().join("bunraku-board");
     board::build(bytes, map, centihertz, &path)?;
-    let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
     let mut recorder = Recorder::new(map)?;
     let image = qemu::Image { path: &path, machine: board::MACHINE, arguments: &[] };
     let mut device = |bytes: &[u8]| recorder.receive(bytes);
-    qemu::run(&image, Some(&mut device), limit(clip.frames(), rate), log)?;
+    qemu::run(&image, Some(&mut device), limit(clip.frames(), rate(clip, centihertz)), log)?;
     recorder.finish(None)
 }
 
@@ -119,12 +109,12 @@ pub fn on_qemu(bytes: &[u8], map: &Map, centihertz: u16, log: &mut dyn FnMut(&st
 /// # Errors
 /// As [`on_qemu`], and where the image does what the simulator does not know.
 pub fn on_sim(
+    clip: &Clip<'_>,
     bytes: &[u8],
     map: &Map,
     centihertz: u16,
     log: &mut dyn FnMut(&str),
 ) -> Result<(Recording, Usage)> {
-    let clip = Clip::parse(bytes, Limits::MAX)?;
     let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
     let path = folder.path().join("bunraku-board");
     board::build(bytes, map, centihertz, &path)?;
@@ -132,7 +122,6 @@ pub fn on_sim(
     let mut lines = Log::new(&elf)?;
     let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
     let mut machine = Machine::new(Core::M4, &Board::mps2(), &image).map_err(|error| anyhow!(error))?;
-    let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
     let mut recorder = Recorder::new(map)?;
     let mut garbled = Ok(());
     let ended = machine.run_to_exit(
@@ -142,7 +131,7 @@ pub fn on_sim(
                 garbled = lines.take(bytes, log);
             }
         },
-        limit(clip.frames(), rate).as_secs() * u64::from(board::CLOCK_HZ),
+        limit(clip.frames(), rate(clip, centihertz)).as_secs() * u64::from(board::CLOCK_HZ),
     );
     garbled?;
     match ended.map_err(|fault| anyhow!("{fault}"))? {
@@ -293,7 +282,7 @@ mod tests {
     #[test]
     fn every_servo_follows_its_channel() {
         let (bytes, map, _) = sample();
-        let recording = on_host(&Clip::parse(&bytes, Limits::MAX).unwrap(), &map, 0).unwrap();
+        let recording = on_host(&Clip::parse(Path::new("clip.qmd"), &bytes).unwrap(), &map, 0).unwrap();
         // 480 frames at 60 Hz last 479/60 s: 399.17 ticks of 50 Hz, the last of them at the last frame.
         assert_eq!(recording.ticks, 401);
         assert_eq!(recording.goals.len(), 401 * 12);
@@ -315,7 +304,7 @@ mod tests {
     #[test]
     fn another_rate_takes_another_time() {
         let (bytes, map, _) = sample();
-        let clip = Clip::parse(&bytes, Limits::MAX).unwrap();
+        let clip = Clip::parse(Path::new("clip.qmd"), &bytes).unwrap();
         assert_eq!(on_host(&clip, &map, 12_000).unwrap().ticks, 201);
     }
 

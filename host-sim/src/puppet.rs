@@ -232,7 +232,7 @@ fn place(text: &str, span: Range<usize>) -> String {
 }
 
 /// Says that a skeleton lacks a channel, and which it may have meant.
-fn no_channel(name: &str, skeleton: &Skeleton) -> String {
+pub(crate) fn no_channel(name: &str, skeleton: &Skeleton) -> String {
     let joint_name = name.split('.').next().unwrap_or(name);
     if let Some(joint) = skeleton.joints.iter().find(|joint| joint.name == joint_name) {
         let channels: Vec<_> = skeleton.channels[joint.channels.clone()].iter().map(|c| &*c.name).collect();

@@ -1,7 +1,9 @@
 //! Puts the clip into the image, and as much memory as its decoder needs.
 //!
 //! - `BUNRAKU_CLIP`: path of a .qmd; a golden vector unless given
-//! - `BUNRAKU_MCLIP`: path of a .mclip, for the image `decode-mclip`; a golden vector unless given
+//! - `BUNRAKU_MCLIP`: path of a .mclip, for the image `decode-mclip`; a golden vector unless given. Where it is given, the
+//!   image `tick` plays it
+//! - `BUNRAKU_VERIFY`: `blocks` to have the .mclip's blocks checked as they are entered, and not all before
 //! - `BUNRAKU_TABLE`: `none` to lend the decoder no memory for its table
 //! - `BUNRAKU_MAP`: path of a joint map as postcard bytes, for the image `tick`
 //! - `BUNRAKU_NOPS`: instructions to waste in every frame, so that tests have a slower decoder to find
@@ -45,14 +47,22 @@ fn main() {
 
 /// The clip of the image `decode-mclip`.
 fn mclip(out: &Path) {
-    let path = variable("BUNRAKU_MCLIP")
-        .unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/dpcm-many-channels.mclip"));
+    let given = variable("BUNRAKU_MCLIP");
+    println!("cargo:rustc-check-cfg=cfg(mclip)");
+    if given.is_some() {
+        println!("cargo:rustc-cfg=mclip");
+    }
+    let path = given.unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/dpcm-many-channels.mclip"));
     let bytes = read(Path::new(&path));
     let clip = mclip::Clip::parse(&bytes, Limits::MAX).unwrap_or_else(|error| panic!("{path}: {error}"));
     let needs = clip.header().needs();
     let sizes = [("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)]
         .map(|(name, size)| format!("/// Elements that the decoder needs.\nconst {name}: usize = {size};\n"));
-    write(out, "mclip_sizes.rs", sizes.concat().as_bytes());
+    let blocks = variable("BUNRAKU_VERIFY").is_some_and(|when| when == "blocks");
+    let verify = format!(
+        "/// Whether blocks are checked as they are entered.\nconst VERIFY_BLOCKS: bool = {blocks};\n"
+    );
+    write(out, "mclip_sizes.rs", (sizes.concat() + &verify).as_bytes());
     write(out, "clip.mclip", &bytes);
 }
 

@@ -25,9 +25,10 @@ fn play(
     motion: &Path,
     skeleton: &Path,
     puppet: &str,
+    container: &str,
     on: &str,
 ) -> (serde_json::Value, String) {
-    let (clip, log) = (folder.join("clip.qmd"), folder.join(on).with_extension("csv"));
+    let (clip, log) = (folder.join("clip").with_extension(container), folder.join(on).with_extension("csv"));
     succeeds(bunraku().arg("encode").arg(motion).arg("--skeleton").arg(skeleton).arg("-o").arg(&clip));
     let puppet = workspace().join("puppets").join(puppet);
     let report = succeeds(
@@ -55,15 +56,15 @@ fn write_sample(folder: &Path) -> (PathBuf, PathBuf) {
     (motion, skeleton)
 }
 
-fn same_everywhere(motion: &Path, skeleton: &Path, puppet: &str, ticks: usize) {
+fn same_everywhere(motion: &Path, skeleton: &Path, puppet: &str, container: &str, ticks: usize) {
     let folder = tempfile::tempdir().unwrap();
-    let (report, here) = play(folder.path(), motion, skeleton, puppet, "host");
+    let (report, here) = play(folder.path(), motion, skeleton, puppet, container, "host");
     assert_eq!(report["ticks"], ticks);
-    assert_eq!(here.lines().count(), 1 + 12 * ticks);
+    assert_eq!(here.lines().count() as u64, 1 + report["servos"].as_u64().unwrap() * ticks as u64);
     assert_eq!(here.lines().next(), Some("time_s,servo,goal_position"));
     if can_run_the_board() {
         for on in ["qemu", "sim"] {
-            let (report, there) = play(folder.path(), motion, skeleton, puppet, on);
+            let (report, there) = play(folder.path(), motion, skeleton, puppet, container, on);
             assert!(here == there, "the logs of {} on {on} differ", motion.display());
             if on == "sim" {
                 // Three in four ticks of the core's clock must pass asleep, or sleeping does not work.
@@ -79,7 +80,15 @@ fn the_cmu_walk_is_the_same_on_the_board() {
     let Some(folder) = motion() else { return };
     let folder = folder.join("cmu");
     // 343 frames at 120 Hz: ⌈342 · 50 / 120⌉ + 1 ticks.
-    same_everywhere(&folder.join("02_01.amc"), &folder.join("02.asf"), "cmu-12.toml", 144);
+    same_everywhere(&folder.join("02_01.amc"), &folder.join("02.asf"), "cmu-12.toml", "qmd", 144);
+}
+
+#[test]
+fn a_clip_in_blocks_is_the_same_on_the_board() {
+    let Some(folder) = motion() else { return };
+    let folder = folder.join("cmu");
+    // 251 frames at 120 Hz, and as many ticks.
+    same_everywhere(&folder.join("49_04.amc"), &folder.join("49.asf"), "cmu-20.toml", "mclip", 251);
 }
 
 #[test]
@@ -87,7 +96,7 @@ fn the_sample_is_the_same_on_the_board() {
     let folder = tempfile::tempdir().unwrap();
     let (motion, skeleton) = write_sample(folder.path());
     // An AMC has no rate, so 480 frames play at 120 Hz: ⌈479 · 50 / 120⌉ + 1 ticks.
-    same_everywhere(&motion, &skeleton, "sample.toml", 201);
+    same_everywhere(&motion, &skeleton, "sample.toml", "qmd", 201);
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! `bunraku profile`: budgets, the committed baseline, and how fast QMD is to be.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{bunraku, require_target, workspace};
+use bunraku_tests::{bunraku, motion, require_target, workspace};
 use decoder_core::qmd::Clip;
-use decoder_core::{I16F16, Limits};
+use decoder_core::{I16F16, Limits, mclip};
 use firmware::drive::buffer_len;
 use firmware::dynamixel::sync_write::goal_positions;
 use firmware::map::{Joint, JointMap, MAX_SERVOS, bytes_len};
@@ -132,15 +132,14 @@ fn sixty_two_channels_take_as_many_cycles_as_they_may() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    // The limits of M4 are what QMD is to reach. Those of M0+ are 3 % more than it reaches: its goals of 1000, 760 and
-    // 2600 cycles are not met.
+    // What QMD is to reach, but for the last: its goal of 2600 cycles is missed by 1 % (docs/CYCLES.md).
     for (fdf, table, core_name, most) in [
         (6, "lent", "cortex-m4", 750.0),
         (0, "lent", "cortex-m4", 650.0),
         (6, "none", "cortex-m4", 1700.0),
-        (6, "lent", "cortex-m0plus", 1065.0),
-        (0, "lent", "cortex-m0plus", 866.0),
-        (6, "none", "cortex-m0plus", 3091.0),
+        (6, "lent", "cortex-m0plus", 1000.0),
+        (0, "lent", "cortex-m0plus", 760.0),
+        (6, "none", "cortex-m0plus", 2630.0),
     ] {
         let path = folder.path().join("clip.qmd");
         clip(&path, 100, 62, fdf);
@@ -195,6 +194,90 @@ fn a_tick_of_20_servos_takes_at_most_6000_cycles_on_m4() {
     assert!(worst <= 6000 && worst > 1000, "{worst} cycles; of all ticks: {:?}", measured.functions);
     println!("a tick: at most {worst} cycles");
     assert_eq!(ticks, 120);
+}
+
+#[test]
+fn a_puppet_is_profiled_tick_by_tick() {
+    if !require_target("thumbv7em-none-eabi") {
+        return;
+    }
+    let puppet = workspace().join("puppets/sample.toml");
+    let run = |budget| {
+        let puppet = puppet.to_str().unwrap();
+        profile(&["--core", "cortex-m4", "--puppet", puppet, "--json", "--budget", budget], 0)
+    };
+    let output = run("6000");
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    // 480 frames at 60 Hz: ⌈479 · 50 / 60⌉ + 1 ticks.
+    assert_eq!(report["puppet"], serde_json::json!({ "ticks": 401, "servos": 12, "servo_hz": 50 }));
+    assert_eq!(report["rate_hz"], 50.0);
+    let core = core(&output);
+    let mean = core["cycles_mean"].as_f64().unwrap();
+    assert!((core["cycles_per_sample"].as_f64().unwrap() * 12.0 - mean).abs() < 1e-6);
+    // Some ticks decode a frame and some two.
+    assert!(core["cycles_min"].as_u64().unwrap() + 300 < core["cycles_max"].as_u64().unwrap(), "{core}");
+    let over = run("1000");
+    assert_eq!(over.status.code(), Some(1));
+    assert!(said(&over).contains("cortex-m4: tick "), "{}", said(&over));
+}
+
+#[test]
+fn the_walk_is_played_on_20_servos_within_6000_cycles_on_m4() {
+    let Some(folder) = motion() else { return };
+    if !require_target("thumbv7em-none-eabi") {
+        return;
+    }
+    let (cmu, out) = (folder.join("cmu"), tempfile::tempdir().unwrap());
+    let (skeleton, clip) = (cmu.join("02.asf"), out.path().join("walk.qmd"));
+    let skeleton = skeleton.to_str().unwrap();
+    let mut encode = bunraku();
+    encode.arg("encode").arg(cmu.join("02_01.amc")).args(["--skeleton", skeleton, "-o"]).arg(&clip);
+    assert!(encode.status().unwrap().success());
+    let puppet = workspace().join("puppets/cmu-20.toml");
+    let output = profile(
+        &[
+            clip.to_str().unwrap(),
+            "--puppet",
+            puppet.to_str().unwrap(),
+            "--skeleton",
+            skeleton,
+            "--core",
+            "cortex-m4",
+            "--budget",
+            "6000",
+            "--json",
+        ],
+        0,
+    );
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(report["puppet"], serde_json::json!({ "ticks": 343, "servos": 20, "servo_hz": 120 }));
+}
+
+#[test]
+fn a_clip_in_blocks_is_profiled_too() {
+    if !require_target("thumbv7em-none-eabi") {
+        return;
+    }
+    let vector = workspace().join("tests/vectors/dpcm-many-channels.mclip");
+    let vector = vector.to_str().unwrap();
+    let output = profile(&[vector, "--core", "cortex-m4", "--json"], 0);
+    let core = core(&output);
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let bytes = std::fs::read(vector).unwrap();
+    let clip = mclip::Clip::parse(&bytes, Limits::MAX).unwrap();
+    assert_eq!(report["codec"], "dpcm");
+    assert_eq!(report["channels"].as_u64(), Some(clip.channels() as u64));
+    assert_eq!(report["frames"].as_u64(), Some(u64::from(clip.frames())));
+    // What is lent to the decoder lies in the static RAM.
+    let lent = report["lent_bytes"].as_u64().unwrap();
+    assert_eq!(lent, clip.header().needs().bytes() as u64);
+    assert!(core["ram_bytes"].as_u64().unwrap() >= lent, "{core}");
+    assert!(core["cycles_mean"].as_f64().unwrap() > 10.0 * clip.channels() as f64, "{core}");
+    let table = profile(&[vector, "--table", "lent"], 0);
+    assert_eq!(table.status.code(), Some(1));
+    assert!(said(&table).contains("--table is for a .qmd"), "{}", said(&table));
 }
 
 #[test]

@@ -56,6 +56,14 @@ class Bits:
         return value
 
 
+    def signed(self, count):
+        value = self.take(count)
+        return value - (value >> count - 1 << count)
+
+    def align(self):
+        self.at = (self.at + 7) // 8 * 8
+
+
 class Fields:
     """postcard's numbers and slices."""
 
@@ -99,7 +107,7 @@ class State:
     def __init__(self, channel, value):
         self.x1 = self.x2 = value
         self.bits, self.step, self.group, self.alpha = channel.bits, channel.step, channel.group, channel.alpha
-        self.low, self.activity = channel.low, 0
+        self.low, self.level = channel.low, 0
         self.d1 = self.d2 = 0
         self.r = [0, 0, 0]
 
@@ -108,51 +116,51 @@ class FixedWidth:
     def reset(self):
         pass
 
-    def symbol(self, bits, state):
-        return bits.take(state.bits)
+    def code(self, bits, state):
+        return bits.signed(state.bits)
 
 
 class Huffman:
-    BOUNDS = [3, 10, 20, 36, 64, 100, 150]
+    BOUNDS = [0, 1, 2, 3, 5, 8, 13]
 
     def __init__(self, tables):
-        index_bits, self.classes, groups = tables[:3]
-        at, self.codes = 3, []
+        self.classes, groups = tables[:2]
+        assert self.classes * groups <= 8
+        at, self.prefixes = 2, []
         for _ in range(groups * self.classes):
             n = tables[at]
             at += 1
             if n == 0:
-                # A code of no bits.
-                self.codes.append({(0, 0): tables[at]})
+                # A prefix of no bits.
+                self.prefixes.append({(0, 0): tables[at]})
                 at += 1
                 continue
             lengths = [tables[at + i // 2] >> (4 * (i % 2)) & 15 for i in range(n)]
             at += (n + 1) // 2
-            assert sum(2.0**-length for length in lengths if length) == 1 and max(lengths) <= index_bits
-            code, before, table = 0, 0, {}
+            assert sum(2.0**-length for length in lengths if length) == 1 and max(lengths) <= 8
+            prefix, before, table = 0, 0, {}
             for length, i in sorted((length, i) for i, length in enumerate(lengths) if length):
-                code <<= length - before
+                prefix <<= length - before
                 before = length
-                table[length, code] = "escape" if i == n - 1 else i
-                code += 1
-            self.codes.append(table)
+                table[length, prefix] = "escape" if i == n - 1 else i
+                prefix += 1
+            self.prefixes.append(table)
         assert at == len(tables)
 
     def reset(self):
         pass
 
-    def symbol(self, bits, state):
-        number = sum(state.activity > bound for bound in self.BOUNDS)
-        table = self.codes[state.group * self.classes + min(number, self.classes - 1)]
-        length = code = 0
-        while (length, code) not in table:
-            code = code << 1 | bits.take(1)
+    def code(self, bits, state):
+        table = self.prefixes[state.group * self.classes + state.level]
+        length = prefix = 0
+        while (length, prefix) not in table:
+            prefix = prefix << 1 | bits.take(1)
             length += 1
-        s = table[length, code]
-        if s == "escape":
-            s = bits.take(state.bits)
-        state.activity += 8 * min((s + 1) // 2, 7) - state.activity // 4
-        return s
+        s = table[length, prefix]
+        c = bits.signed(state.bits) if s == "escape" else signed(s)
+        level = min(sum(abs(c) > bound for bound in self.BOUNDS), self.classes - 1)
+        state.level = max(level, state.level - 1)
+        return c
 
 
 class AdaptiveHuffman:
@@ -168,7 +176,7 @@ class AdaptiveHuffman:
         for i in reversed(range(K - 1)):
             self.weight[i] = self.weight[2 * i + 1] + self.weight[2 * i + 2]
 
-    def symbol(self, bits, state):
+    def code(self, bits, state):
         K = 1 << self.k
         node, path = 0, []
         while not isinstance(self.below[node], tuple):
@@ -184,11 +192,11 @@ class AdaptiveHuffman:
                 child = leader if leader % 2 else leader - 1
                 node = self.below.index(child)
             self.weight[0] += 1
-        return bits.take(state.bits) if s == K - 1 else s
+        return bits.signed(state.bits) if s == K - 1 else signed(s)
 
 
 def solve(r):
-    if r[0] < 16:
+    if r[0] < 256:
         return [0, 0]
     h = max(r[0].bit_length() - 15, 0)
     r0, r1, r2 = (x >> h for x in r)
@@ -246,10 +254,17 @@ class Clip:
                     yield [state.x1 for state in self.states]
                     continue
             self.number += 1
-            for c, state in enumerate(self.states):
+            for number, state in enumerate(self.states):
+                if number % 8 == 0:
+                    self.align(bits)
                 if state.bits:
-                    self.next(c, state, self.source.symbol(bits, state))
+                    self.next(number, state, self.source.code(bits, state))
+            self.align(bits)
             yield [state.x1 for state in self.states]
+
+    def align(self, bits):
+        if isinstance(self.source, FixedWidth):
+            bits.align()
 
     def enter(self, bits):
         self.number = 0
@@ -258,42 +273,42 @@ class Clip:
         for channel in self.channels:
             width = 0 if self.codec == PCM else (channel.high - channel.low >> channel.shift).bit_length()
             self.states.append(State(channel, wrap(channel.low + (bits.take(width) << channel.shift))))
+        self.align(bits)
 
-    def next(self, c, state, s):
-        x1, x2, (a1, a2) = state.x1, state.x2, state.alpha
-        window = self.parameters[10] if self.codec == ADPCM else 0
+    def next(self, number, state, c):
+        x1, x2, (a1, a2), b = state.x1, state.x2, state.alpha, state.bits
+        window = self.parameters[18] if self.codec == ADPCM else 0
+        first, second = x1 - a1 * (x1 >> 16), x1 + (wrap(a1 * wrap(x1 - x2)) >> 6)
         if self.codec == PCM:
             delta = a1 << state.step
-            x = state.low + s * delta + (delta >> 1)
+            x = state.low + (delta << b - 1) + (delta >> 1) + c * delta
         elif self.codec == MULAW:
             levels = list(struct.unpack(f"<{len(self.parameters) // 2}H", self.parameters))
-            B = len(levels).bit_length()
-            m, spread = s // 2, 1 << (B - state.bits)
+            m, spread = c if c >= 0 else -1 - c, 1 << (len(levels).bit_length() - b)
             level = [levels[i * spread] if i * spread < len(levels) else 65536 for i in (m, m + 1)]
             d = 2 * scale(step(state.step), min(sum(level) // 4, 32767))
-            x = 4 * scale(x1, a1) + (d if s % 2 == 0 else -d)
+            x = first + (d if c >= 0 else -d)
         elif self.codec == QMD:
             levels = struct.unpack(f"<{len(self.parameters) // 2}h", self.parameters)
+            s = 2 * c if c >= 0 else -2 * c - 1
             x = x1 + (16 * scale(step(state.step), levels[s]) if s < len(levels) else 0)
         else:
             if window:
-                p = x1 + (wrap(a1 * state.d1 + a2 * state.d2) >> 9)
+                p = x1 + (wrap(a1 * state.d1 + a2 * state.d2) >> 7)
             else:
-                order = self.parameters[0] if self.codec == DPCM else 2
-                p = [x1, 4 * scale(x1, a1), 4 * (scale(x1, a1) + scale(x2, a2))][order]
-            x = p + signed(s) * step(state.step)
+                p = [x1, first, second][self.parameters[0] if self.codec == DPCM else 2]
+            x = p + c * step(state.step)
             if self.codec == ADPCM:
-                multipliers = struct.unpack_from("<8b", self.parameters)
-                lowest, highest = self.parameters[8:10]
-                by = multipliers[min(abs(signed(s)) * 16 >> state.bits, 7)]
-                state.step = max(min(clamp(state.step + by, 0, 255), highest), lowest)
+                multipliers = struct.unpack_from("<16b", self.parameters)
+                lowest, highest = self.parameters[16:18]
+                state.step = max(min(state.step + multipliers[c * 16 // 2**b % 16], highest), lowest)
         state.x1, state.x2 = wrap(x), x1
         if window:
-            e = clamp(wrap(state.x1 - x1) >> 5, -32768, 32767)
+            e = clamp(wrap(state.x1 - x1) >> 7, -4096, 4095)
             for i, before in enumerate([e, state.d1, state.d2]):
-                state.r[i] += (e * before - state.r[i]) >> window
+                state.r[i] += e * before - (state.r[i] >> window)
             state.d1, state.d2 = e, state.d1
-            if (self.number + c) % (1 << self.parameters[11]) == 0:
+            if (self.number + number) % (1 << self.parameters[19]) == 0:
                 state.alpha = solve(state.r)
 
 
@@ -320,7 +335,7 @@ def slice_of(data):
     return varint(len(data)) + data
 
 
-def record(rng, name, low, high, shift, bits, step, group=0, alpha=(16384, 0)):
+def record(rng, name, low, high, shift, bits, step, group=0, alpha=(0, 0)):
     numbers = zigzag(low) + zigzag(high) + bytes([shift, bits, step, group])
     return slice_of(name.encode()) + bytes([rng.randrange(2)]) + numbers + zigzag(alpha[0]) + zigzag(alpha[1])
 
@@ -328,9 +343,9 @@ def record(rng, name, low, high, shift, bits, step, group=0, alpha=(16384, 0)):
 def make(rng, codec, entropy, parameters, tables, records, blocks, ones=0.5):
     """A clip of random codes, of which `ones` are 1; `blocks` has the frames of each, negative for no entry point."""
     m = len(records)
-    ram = 16 * m * (2 if codec == ADPCM and parameters[10] else 1)
+    ram = 16 * m * (2 if codec == ADPCM and parameters[18] else 1)
     if entropy == HUFFMAN:
-        ram += tables[1] * tables[2] << (tables[0] + 1)
+        ram += 512 * tables[0] * tables[1]
     if entropy == ADAPTIVE:
         ram += (12 << tables[0]) - 6
 
@@ -379,16 +394,17 @@ def vectors():
     mulaw = struct.pack("<16H", *(round(65536 * ((1 + 255) ** (i / 16) - 1) / 255) for i in range(16)))
     mulaw9 = struct.pack("<256H", *(round(65536 * ((1 + 30) ** (i / 256) - 1) / 30) for i in range(256)))
     levels = struct.pack("<8h", 0, -900, 1000, 4096, -4000, 32767, -32768, 12345)
-    adapts = bytes([256 - 2, 256 - 1, 0, 1, 2, 4, 6, 8]) + bytes([0, 199])
-    bounded = bytes([128, 127, 200, 3, 99, 127, 128, 127]) + bytes([60, 140])
-    still = bytes(8) + bytes([0, 199])
-    books = bytes([6, 2, 2]) + described([1, 3, 3, 3, 4, 5, 6, 6], [2, 2, 3, 3, 3, 4, 0, 5, 6, 6])
+    adapts = struct.pack("<16b", -2, -1, 0, 1, 2, 4, 6, 8, 9, 7, 5, 3, 1, 0, -1, -2) + bytes([0, 199])
+    bounded = struct.pack("<16b", -128, 127, -56, 3, 99, 127, -128, 127, 5, 6, 7, -8, 9, -10, 11, -128) + bytes([60, 140])
+    still = bytes(16) + bytes([0, 199])
+    books = bytes([2, 2]) + described([1, 3, 3, 3, 4, 5, 6, 6], [2, 2, 3, 3, 3, 4, 0, 5, 6, 6])
     books += bytes([0, 2]) + described([1, 1])
-    deep = bytes([12, 1, 1]) + described([1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 12])
-    wide = bytes([8, 8, 1]) + described(*([[2, 2, 2, 3, 4, 5, 6, 7, 8, 8] for _ in range(8)]))
+    deep = bytes([1, 1]) + described([1, 2, 3, 4, 5, 6, 7, 8, 8])
+    wide = bytes([8, 1]) + described(*([[2, 2, 2, 3, 4, 5, 6, 7, 8, 8] for _ in range(8)]))
+    groups = bytes([1, 8]) + described(*([[2, 2, 2, 3, 4, 5, 6, 7, 8, 8], [1, 1]] * 4))
 
     def some(*bits, groups=1, steps=(90, 110)):
-        alphas = [(16384, 0), (16000, 0), (29000, -13000), (-9000, 4000)]
+        alphas = [(0, 0), (40, 0), (90, -13000), (-9000, 4000)]
         return [
             record(
                 rng,
@@ -423,26 +439,40 @@ def vectors():
         "pcm": make(rng, PCM, FIXED, b"", b"", grids(6, 0, 8, 13), [9, 5, -6]),
         "pcm-huffman": make(rng, PCM, HUFFMAN, b"", wide, grids(6, 4, 8), [12, -9]),
         "pcm-adaptive-huffman": make(rng, PCM, ADAPTIVE, b"", bytes([4]), grids(6, 4, 8), [40]),
+        "pcm-octets": make(rng, PCM, FIXED, b"", b"", grids(*[6] * 8, *[3] * 16, 3, 5, *[7] * 6, *[4] * 7), [9, -6]),
         "pcm-edges": make(rng, PCM, FIXED, b"", b"", edge_grids, [7, 1]),
         "mulaw": make(rng, MULAW, FIXED, mulaw, b"", some(5, 3, 1), [12, 8]),
         "mulaw-nine-bits": make(rng, MULAW, HUFFMAN, mulaw9, deep, some(9, 8, 2), [15]),
         "mulaw-one-level": make(rng, MULAW, FIXED, b"\0\0", b"", some(1, 1), [15]),
         "dpcm-last": make(rng, DPCM, FIXED, bytes([0]), b"", some(4, 8, 1, 0, 16), [11, -3, 6]),
+        "dpcm-octets": make(
+            rng,
+            DPCM,
+            FIXED,
+            bytes([1]),
+            b"",
+            some(*(b for width in range(1, 10) for b in [width] * 8), 3, *[0] * 8, *[5] * 15, *[4] * 11),
+            [5, -3],
+        ),
         "dpcm-first": make(rng, DPCM, HUFFMAN, bytes([1]), books, some(4, 8, 3, groups=2), [11, -7, 6]),
         "dpcm-second": make(rng, DPCM, HUFFMAN, bytes([2]), wide, some(6, 6, 6, 6), [30, -20], ones=0.3),
         "dpcm-adaptive-huffman": make(rng, DPCM, ADAPTIVE, bytes([2]), bytes([5]), some(6, 7, 4), [30, -60, 20], ones=0.4),
         "dpcm-counting-ends": make(rng, DPCM, ADAPTIVE, bytes([0]), bytes([1]), some(1, 2), [16500], ones=0.1),
         "dpcm-edges": make(rng, DPCM, FIXED, bytes([2]), b"", edges, [40, 1]),
+        "dpcm-groups": make(rng, DPCM, HUFFMAN, bytes([2]), groups, some(*[6] * 12, groups=8), [20], ones=0.3),
         "dpcm-escapes": make(rng, DPCM, HUFFMAN, bytes([0]), deep, some(16, 8), [20], ones=0.9),
         "dpcm-one-channel": make(rng, DPCM, FIXED, bytes([0]), b"", some(3), [1]),
         "dpcm-no-codes": make(rng, DPCM, FIXED, bytes([0]), b"", [record(rng, "", 7, 7, 0, 0, 0)], [3, -2, 4]),
         "dpcm-many-channels": make(rng, DPCM, HUFFMAN, bytes([1]), wide, some(*[4] * 300), [2]),
         "adpcm-step": make(rng, ADPCM, FIXED, adapts + bytes([0, 0]), b"", some(3, 4, 8, 1, 0), [40, 20]),
+        "adpcm-octets": make(
+            rng, ADPCM, FIXED, adapts + bytes([0, 0]), b"", some(*(b for width in range(1, 9) for b in [width] * 8), *[4] * 5), [9]
+        ),
         "adpcm-bounded-step": make(rng, ADPCM, ADAPTIVE, bounded + bytes([0, 0]), bytes([8]), some(3, 4, 16), [40]),
         "adpcm-predictor": make(rng, ADPCM, HUFFMAN, still + bytes([4, 2]), wide, some(6, 6, 6), [60, -30, 30], ones=0.3),
         "adpcm-both": make(rng, ADPCM, FIXED, adapts + bytes([5, 0]), b"", some(3, 4, 2), [90]),
         "adpcm-edges": make(rng, ADPCM, FIXED, adapts + bytes([1, 1]), b"", edges, [60]),
-        "adpcm-long-window": make(rng, ADPCM, FIXED, still + bytes([14, 3]), b"", edges, [60]),
+        "adpcm-long-window": make(rng, ADPCM, FIXED, still + bytes([6, 3]), b"", edges, [60]),
         "qmd": make(rng, QMD, FIXED, levels, b"", some(3, 3, 2, 4), [25, -8]),
         "qmd-huffman": make(rng, QMD, HUFFMAN, levels, wide, some(3, 3, 3), [25, 30]),
     }

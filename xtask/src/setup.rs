@@ -1,5 +1,5 @@
-//! What a fresh Debian or Ubuntu machine lacks: Rust's targets, QEMU, a C compiler for Cortex-M, and the packages in
-//! Python and npm that tests compare us with.
+//! What a fresh Debian or Ubuntu machine lacks: Rust's targets, QEMU, a C compiler for Cortex-M, and what tests compare us
+//! with: packages in Python and npm, and clang for a crate.
 
 use crate::{Result, run, workspace};
 use std::fs;
@@ -50,6 +50,8 @@ pub fn all() -> Ready {
         Err(error) => ready.missing.push(error),
     }
     ready.missing.extend(c_compiler().err());
+    // A crate that we are compared with reads C headers by it.
+    ready.missing.extend(program("clang", "clang").err());
     ready.missing.extend(npm_peers().err());
     ready
 }

@@ -4,13 +4,19 @@
 #![no_std]
 #![no_main]
 
+#[path = "../../../tests/profile-image/src/ends.rs"]
+mod ends;
 #[cfg_attr(any(feature = "heatshrink", feature = "lz4_flex", feature = "miniz_oxide"), path = "blocks.rs")]
-#[cfg_attr(not(any(feature = "heatshrink", feature = "lz4_flex", feature = "miniz_oxide")), path = "raw.rs")]
+#[cfg_attr(feature = "tamp", path = "tamp.rs")]
+#[cfg_attr(
+    not(any(feature = "heatshrink", feature = "lz4_flex", feature = "miniz_oxide", feature = "tamp")),
+    path = "raw.rs"
+)]
 mod store;
 
 use core::hint::black_box;
-use core::panic::PanicInfo;
 use cortex_m_rt::entry;
+use ends::{failed, finished};
 use store::Store;
 
 include!(concat!(env!("OUT_DIR"), "/sizes.rs"));
@@ -52,27 +58,4 @@ fn decode_frame(player: &mut Player) -> Option<&[i16]> {
         *channel = if DELTA { channel.wrapping_add(value) } else { value };
     }
     Some(&player.pose)
-}
-
-/// Where the image ends up when all went well.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn finished() -> ! {
-    loop {
-        black_box(());
-    }
-}
-
-/// Where it ends up otherwise.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn failed() -> ! {
-    loop {
-        black_box(1);
-    }
-}
-
-#[panic_handler]
-fn panic(_: &PanicInfo<'_>) -> ! {
-    failed()
 }

@@ -7,7 +7,8 @@
 //! Bounds: `2^bits` symbols take [`AdaptiveHuffman::words`] 16-bit words. Counting stops when the root weighs
 //! [`MAX_WEIGHT`], so no code is longer than 21 bits. An update looks at each node at most once for each level.
 
-use super::{Context, SymbolSource};
+use super::SymbolSource;
+use crate::arithmetic::signed;
 use crate::bits::BitReader;
 
 /// Weight of the root at which counting stops.
@@ -176,8 +177,17 @@ fn set(words: &mut [u16], index: u16, value: u16) {
     }
 }
 
-impl SymbolSource for AdaptiveHuffman<'_> {
-    fn symbol(&mut self, bits: &mut BitReader<'_>, width: u8, _: &mut Context) -> u32 {
+impl SymbolSource for &mut AdaptiveHuffman<'_> {
+    #[inline(always)]
+    fn code(&mut self, bits: &mut BitReader<'_>, _: usize, width: u8, _: &mut u8) -> Option<i32> {
+        if width == 0 { None } else { Some(self.decode(bits, width)) }
+    }
+}
+
+impl AdaptiveHuffman<'_> {
+    /// Decodes a code and counts it. One function for all loops: it is long, and its time is that of the tree.
+    #[inline(never)]
+    fn decode(&mut self, bits: &mut BitReader<'_>, width: u8) -> i32 {
         let mut child = get(self.children, 0);
         for _ in 0..MAX_LENGTH {
             if child & LEAF != 0 {
@@ -187,7 +197,7 @@ impl SymbolSource for AdaptiveHuffman<'_> {
         }
         let symbol = u32::from(child & !LEAF);
         self.count(symbol);
-        if symbol == self.escape() { bits.take(u32::from(width)) } else { symbol }
+        if symbol == self.escape() { bits.take_signed(width.into()) } else { signed(symbol) }
     }
 }
 
@@ -268,7 +278,8 @@ mod tests {
             assert!(length <= MAX_LENGTH);
             written.extend((0..length).rev().map(|bit| code >> bit & 1 == 1));
             if coded == encoder.escape() {
-                written.extend((0..8).rev().map(|bit| symbol >> bit & 1 == 1));
+                let code = signed(symbol as u32);
+                written.extend((0..9).rev().map(|bit| code >> bit & 1 == 1));
             }
             encoder.count(coded);
         }
@@ -278,7 +289,7 @@ mod tests {
             .collect();
         let mut bits = BitReader::new(&bytes);
         for &symbol in &symbols {
-            assert_eq!(decoder.symbol(&mut bits, 8, &mut Context::default()), symbol);
+            assert_eq!((&mut decoder).code(&mut bits, 0, 9, &mut 0), Some(signed(symbol)));
         }
         assert_eq!(bits.position(), written.len());
         assert_eq!(decoder.weight(0), MAX_WEIGHT, "counting stopped");

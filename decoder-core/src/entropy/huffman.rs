@@ -1,35 +1,44 @@
-//! Static Huffman codes: canonical, limited in length, decoded by one look-up.
+//! Static Huffman codes: canonical, limited to eight bits, decoded by one look-up.
 //!
-//! A table has a code for each of the most frequent symbols and one escape, which is followed by the symbol in the
-//! channel's own width. Codes are at most `index_bits` long, so that the next `index_bits` bits are an index that
-//! finds symbol and length at once.
+//! A table has a prefix code for each of the most frequent symbols and one escape, which is followed by the code in the
+//! channel's own width. The next eight bits are an index that finds everything at once: the code, its length, and the
+//! table that the channel's next code is read with.
 //!
-//! Which table a symbol is read with depends on the channel's group and on its activity: how large its last codes
+//! Each group of channels has tables of its own, one for each class of activity: how large the channel's last codes
 //! were. A channel at rest and one that moves have different statistics, and this tells them apart without a bit:
 //!
-//! - after every symbol of magnitude m (0, 1, 1, 2, 2 … for 0, 1, 2, 3, 4 …): `a ← a − ⌊a / 4⌋ + 8 · min(m, 7)`;
-//! - a is in class 0, 1, … where it is at most [`CLASS_ENDS`]`[0]`, `[1]`, …; with c classes, the last one is all above.
+//! - a channel is in class 0 at first;
+//! - a code c has level l, the number of the [`LEVEL_ENDS`] that |c| is above, or the highest class if that is lower;
+//! - from class k it goes to l or to k − 1, whichever is higher.
+//!
+//! So classes follow a movement that begins at once, and one that ends slowly.
 
-use super::{Context, SymbolSource};
+use super::SymbolSource;
+use crate::arithmetic::signed;
 use crate::bits::BitReader;
 
-/// Largest activity of each class but the last.
-pub const CLASS_ENDS: [u8; MAX_CLASSES - 1] = [3, 10, 20, 36, 64, 100, 150];
+/// Largest |c| of each level but the last.
+pub const LEVEL_ENDS: [u32; 7] = [0, 1, 2, 3, 5, 8, 13];
 
-/// Most classes.
-pub const MAX_CLASSES: usize = 8;
+/// Bits of the index, and most bits of a prefix code.
+pub const INDEX_BITS: u8 = 8;
 
-/// Most bits of a code, and of the index.
-pub const MAX_INDEX_BITS: u8 = 12;
+/// Indices of a table.
+const INDICES: usize = 1 << INDEX_BITS;
 
-/// Most groups of channels.
-pub const MAX_GROUPS: u8 = 16;
+/// Most tables, of all groups together.
+pub const MAX_TABLES: u8 = 8;
+
+/// In a channel's context: it has no codes.
+pub const NO_TABLE: u8 = u8::MAX;
 
 /// Bytes before the first table's lengths.
-const HEADER_BYTES: usize = 3;
+const HEADER_BYTES: usize = 2;
 
-/// In an entry: the code is the escape.
-const ESCAPE: u16 = 1 << 15;
+/// An index's entry has the code in its upper byte, the number of the next table in the three bits below, and in the
+/// last four the length. This is set besides where the code is the escape, whose own upper bits do not count: no
+/// [`BitReader`] holds as many bits to spare as such a length takes, so that one test finds escapes too.
+const ESCAPE: u16 = 1 << 4;
 
 /// Why bytes are no set of tables: the byte that is wrong, from the start of the tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,14 +75,12 @@ pub enum TableError {
     },
 }
 
-/// The shape of a set of tables: what its first three bytes say.
+/// The shape of a set of tables: what its first two bytes say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Bits of the index, 1 to [`MAX_INDEX_BITS`].
-    pub index_bits: u8,
-    /// Classes of activity, 1 to [`MAX_CLASSES`].
+    /// Classes of activity, at least 1.
     pub classes: u8,
-    /// Groups of channels, 1 to [`MAX_GROUPS`].
+    /// Groups of channels, at least 1; groups times classes are at most [`MAX_TABLES`].
     pub groups: u8,
 }
 
@@ -83,36 +90,56 @@ impl Shape {
     /// # Errors
     /// [`TableError::Truncated`], [`TableError::Range`].
     pub fn read(bytes: &[u8]) -> Result<Self, TableError> {
-        let [index_bits, classes, groups] =
+        let [classes, groups] =
             *bytes.first_chunk::<HEADER_BYTES>().ok_or(TableError::Truncated { at: bytes.len() })?;
-        let highest = [MAX_INDEX_BITS, MAX_CLASSES as u8, MAX_GROUPS];
-        for (at, (found, high)) in [index_bits, classes, groups].into_iter().zip(highest).enumerate() {
+        let most = MAX_TABLES.checked_div(classes).unwrap_or(0);
+        for (at, found, high) in [(0, classes, MAX_TABLES), (1, groups, most)] {
             if found == 0 || found > high {
                 return Err(TableError::Range { at, found: found.into(), low: 1, high: high.into() });
             }
         }
-        Ok(Self { index_bits, classes, groups })
+        Ok(Self { classes, groups })
     }
 
     /// Words of memory that the tables take: a 16-bit one for every index of every table.
     pub const fn words(self) -> usize {
-        (self.classes as usize).wrapping_mul(self.groups as usize).wrapping_shl(self.index_bits as u32)
+        (self.classes as usize).wrapping_mul(self.groups as usize).wrapping_mul(INDICES)
     }
+
+    /// The table that the first code of a channel of this group is read with.
+    pub const fn first_table(self, group: u8) -> u8 {
+        self.classes.wrapping_mul(group)
+    }
+
+    /// The table that follows `table` after a code.
+    #[inline(never)]
+    pub fn next_table(self, table: u8, code: i32) -> u8 {
+        let class = table.checked_rem(self.classes).unwrap_or(0);
+        table.wrapping_sub(class).wrapping_add(next_class(class, code, self.classes))
+    }
+}
+
+/// The class, of `classes`, that a channel is in after a code.
+fn next_class(class: u8, code: i32, classes: u8) -> u8 {
+    let magnitude = code.unsigned_abs();
+    let level = LEVEL_ENDS.iter().filter(|&&end| magnitude > end).count() as u8;
+    let level = level.min(classes.wrapping_sub(1));
+    level.max(class.saturating_sub(1))
 }
 
 /// Tables ready to decode with. Borrowed from the memory that they were built in.
 #[derive(Clone, Copy, Debug)]
 pub struct Huffman<'t> {
     shape: Shape,
-    entries: &'t [u16],
+    tables: &'t [[u16; INDICES]],
 }
 
 impl<'t> Huffman<'t> {
     /// Builds the tables that `bytes` describe in `memory`, of at least [`Shape::words`] words.
     ///
-    /// `bytes` are the shape's three, then for each group and in it for each class: n, then ⌈n/2⌉ bytes with the
-    /// code lengths of n symbols, a nibble each, the low one first. The symbols are 0 to n − 2 and the escape;
-    /// length 0 means no code. n = 0 is followed by one byte: the only symbol, with a code of no bits.
+    /// `bytes` are the shape's two, then for each group and in it for each class: n, then ⌈n/2⌉ bytes with the
+    /// code lengths of n symbols, a nibble each, the low one first. The symbols are 0 to n − 2 (codes 0, −1, 1, −2 …) and
+    /// the escape; length 0 means no code. n = 0 is followed by one byte: the only symbol, with a code of no bits.
     /// Shorter codes are smaller numbers than longer ones, and among those of one length, codes ascend with the
     /// symbol, the escape last.
     ///
@@ -122,8 +149,10 @@ impl<'t> Huffman<'t> {
         let shape = Shape::read(bytes)?;
         let needed = shape.words();
         let memory = memory.get_mut(..needed).ok_or(TableError::Memory { needed })?;
+        let (tables, _) = memory.as_chunks_mut::<INDICES>();
         let mut rest = bytes.get(HEADER_BYTES..).unwrap_or_default();
-        for table in memory.chunks_exact_mut(1usize.wrapping_shl(u32::from(shape.index_bits))) {
+        let mut number = 0u8;
+        for table in tables.iter_mut() {
             let at = bytes.len().saturating_sub(rest.len());
             let truncated = TableError::Truncated { at: bytes.len() };
             let (&count, after) = rest.split_first().ok_or(truncated)?;
@@ -131,13 +160,14 @@ impl<'t> Huffman<'t> {
             let (lengths, after) = after.split_at_checked(length).ok_or(truncated)?;
             rest = after;
             if let ([symbol], 0) = (lengths, count) {
-                table.fill(u16::from(*symbol));
+                table.fill(entry(shape, number, *symbol, 0));
             } else {
-                fill(table, lengths, count, shape.index_bits, at)?;
+                fill(table, lengths, count, at, |symbol, length| entry(shape, number, symbol, length))?;
             }
+            number = number.wrapping_add(1);
         }
         match rest.first() {
-            None => Ok(Self { shape, entries: memory }),
+            None => Ok(Self { shape, tables }),
             Some(&found) => {
                 let at = bytes.len().saturating_sub(rest.len());
                 Err(TableError::Range { at, found: found.into(), low: 0, high: 0 })
@@ -149,61 +179,41 @@ impl<'t> Huffman<'t> {
     pub const fn shape(&self) -> Shape {
         self.shape
     }
-
-    /// The number of the table that a channel's next symbol is read with.
-    #[inline(always)]
-    pub fn table(&self, context: Context) -> usize {
-        let last = usize::from(self.shape.classes).wrapping_sub(1);
-        let group = usize::from(context.group).wrapping_mul(usize::from(self.shape.classes));
-        group.wrapping_add(class(context.activity).min(last))
-    }
 }
 
-/// The class of an activity, of [`MAX_CLASSES`].
-#[inline(always)]
-pub const fn class(activity: u8) -> usize {
-    let [e0, e1, e2, e3, e4, e5, e6] = CLASS_ENDS;
-    // By halving: three comparisons.
-    let (base, end) = if activity > e3 {
-        if activity > e5 { (6, e6) } else { (4, e4) }
-    } else if activity > e1 {
-        (2, e2)
-    } else {
-        (0, e0)
-    };
-    base | (activity > end) as usize
-}
-
-/// The activity after a symbol.
-#[inline(always)]
-pub fn activity(before: u8, symbol: u32) -> u8 {
-    // At most 243: a quarter is taken off before at most 56 are added.
-    let magnitude = (symbol.wrapping_add(1) >> 1).min(7) as u8;
-    before.wrapping_sub(before >> 2).wrapping_add(magnitude.wrapping_shl(3))
+/// The entry of a symbol in a table.
+fn entry(shape: Shape, table: u8, symbol: u8, length: u8) -> u16 {
+    let code = signed(symbol.into());
+    u16::from_le_bytes([shape.next_table(table, code).wrapping_shl(5) | length, code as u8])
 }
 
 /// Fills a table by its code lengths: codes in their order take up the index without a gap.
-fn fill(table: &mut [u16], lengths: &[u8], count: u8, index_bits: u8, at: usize) -> Result<(), TableError> {
+fn fill(
+    table: &mut [u16; INDICES],
+    lengths: &[u8],
+    count: u8,
+    at: usize,
+    entry: impl Fn(u8, u8) -> u16,
+) -> Result<(), TableError> {
     let entries = table.len();
     let escape = count.wrapping_sub(1);
     let mut filled = 0usize;
-    for length in 1..=index_bits {
-        let run = 1usize.wrapping_shl(u32::from(index_bits.wrapping_sub(length)));
+    for length in 1..=INDEX_BITS {
+        let run = 1usize.wrapping_shl(u32::from(INDEX_BITS.wrapping_sub(length)));
         for symbol in 0..count {
             let byte = lengths.get(usize::from(symbol >> 1)).copied().unwrap_or(0);
             let found = if symbol & 1 == 0 { byte & 15 } else { byte >> 4 };
-            if found > index_bits {
+            if found > INDEX_BITS {
                 let at = at.saturating_add(1).saturating_add(usize::from(symbol >> 1));
-                return Err(TableError::Range { at, found: found.into(), low: 0, high: index_bits.into() });
+                return Err(TableError::Range { at, found: found.into(), low: 0, high: INDEX_BITS.into() });
             }
             if found != length {
                 continue;
             }
             let end = filled.saturating_add(run);
             let flag = if symbol == escape { ESCAPE } else { 0 };
-            let entry = flag | u16::from(length).wrapping_shl(8) | u16::from(symbol);
             if let Some(codes) = table.get_mut(filled..end) {
-                codes.fill(entry);
+                codes.fill(flag | entry(symbol, length));
             }
             filled = end;
         }
@@ -215,21 +225,40 @@ fn fill(table: &mut [u16], lengths: &[u8], count: u8, index_bits: u8, at: usize)
 }
 
 impl SymbolSource for Huffman<'_> {
+    /// `context` is the number of the table that the code is read with.
     #[inline(always)]
-    fn symbol(&mut self, bits: &mut BitReader<'_>, width: u8, context: &mut Context) -> u32 {
-        let index_bits = u32::from(self.shape.index_bits);
-        let index = self.table(*context).wrapping_shl(index_bits) | bits.peek(index_bits) as usize;
-        let entry = self.entries.get(index).copied().unwrap_or(0);
-        bits.skip(u32::from(entry >> 8 & 15));
-        let symbol = if entry & ESCAPE == 0 { u32::from(entry & 255) } else { bits.take(u32::from(width)) };
-        context.activity = activity(context.activity, symbol);
-        symbol
+    fn code(&mut self, bits: &mut BitReader<'_>, _: usize, width: u8, context: &mut u8) -> Option<i32> {
+        let table = self.tables.get(usize::from(*context))?;
+        let entry = table.get(usize::from(bits.peek_byte())).copied().unwrap_or(0);
+        let mut taken = bits.clone();
+        if !taken.skip_held(u32::from(entry & 31)) {
+            if entry & ESCAPE != 0 {
+                let (code, after) = escaped(bits.clone(), u32::from(entry & 15), width.into());
+                *bits = after;
+                *context = self.shape.next_table(*context, code);
+                return Some(code);
+            }
+            taken.fetch();
+        }
+        *bits = taken;
+        *context = (entry >> 5 & 7) as u8;
+        Some(i32::from(entry.cast_signed() >> 8))
     }
+}
+
+/// A code of its own width, behind an escape of `length` bits. Not a method of the reader, whose address would be taken.
+#[cold]
+#[inline(never)]
+fn escaped(mut bits: BitReader<'_>, length: u32, width: u32) -> (i32, BitReader<'_>) {
+    bits.skip(length);
+    let code = bits.take_signed(width);
+    (code, bits)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arithmetic::unsigned;
     use crate::testing::Random;
     use std::vec::Vec;
 
@@ -246,8 +275,8 @@ mod tests {
         lengths
     }
 
-    fn describe(index_bits: u8, classes: u8, groups: u8, tables: &[Vec<u8>]) -> Vec<u8> {
-        let mut bytes = std::vec![index_bits, classes, groups];
+    fn describe(classes: u8, groups: u8, tables: &[Vec<u8>]) -> Vec<u8> {
+        let mut bytes = std::vec![classes, groups];
         for lengths in tables {
             bytes.push(lengths.len() as u8);
             bytes.extend(lengths.chunks(2).map(|pair| pair[0] | pair.get(1).unwrap_or(&0) << 4));
@@ -273,21 +302,62 @@ mod tests {
     #[test]
     fn every_window_of_sixteen_bits_of_every_table() {
         let mut random = Random(9);
-        for (index_bits, n) in [(1, 2), (4, 9), (8, 2), (8, 40), (8, 255), (10, 60), (12, 100)] {
-            let tables: Vec<Vec<u8>> = (0..3).map(|_| lengths(&mut random, n, index_bits)).collect();
-            let bytes = describe(index_bits, 1, 3, &tables);
+        for (most, n) in [(1, 2), (4, 9), (8, 2), (8, 40), (8, 100), (8, 255)] {
+            let tables: Vec<Vec<u8>> = (0..3).map(|_| lengths(&mut random, n, most)).collect();
+            let bytes = describe(1, 3, &tables);
             let mut memory = std::vec![0; Shape::read(&bytes).unwrap().words()];
             let mut huffman = Huffman::build(&bytes, &mut memory).unwrap();
-            for (group, lengths) in tables.iter().enumerate() {
+            for (table, lengths) in tables.iter().enumerate() {
                 for window in 0..=u16::MAX {
                     let data = [(window >> 8) as u8, window as u8, 0xa5];
                     let mut bits = BitReader::new(&data);
-                    let mut context = Context { group: group as u8, activity: 0 };
-                    let found = huffman.symbol(&mut bits, 5, &mut context);
+                    let mut context = table as u8;
+                    let found = huffman.code(&mut bits, 0, 5, &mut context);
                     let (symbol, length) = bit_by_bit(lengths, window);
                     let mut after = BitReader::at(&data, length.into());
-                    let expected = if symbol == n - 1 { after.take(5) } else { symbol as u32 };
-                    assert_eq!((found, bits.position()), (expected, after.position()), "{window:#018b}");
+                    let expected = if symbol == n - 1 { after.take_signed(5) } else { signed(symbol as u32) };
+                    let expected = (Some(expected), after.position(), table);
+                    assert_eq!((found, bits.position(), usize::from(context)), expected, "{window:#018b}");
+                }
+            }
+        }
+    }
+
+    /// From every table, after every code: what the entries say is what the rule says.
+    #[test]
+    fn entries_lead_to_the_next_table() {
+        let mut random = Random(10);
+        for (classes, groups) in [(8, 1), (4, 2), (3, 2), (1, 8), (1, 1)] {
+            let count = usize::from(classes * groups);
+            let tables: Vec<Vec<u8>> = (0..count).map(|_| lengths(&mut random, 60, 8)).collect();
+            let bytes = describe(classes, groups, &tables);
+            let mut memory = std::vec![0; Shape::read(&bytes).unwrap().words()];
+            let mut huffman = Huffman::build(&bytes, &mut memory).unwrap();
+            let shape = huffman.shape();
+            for table in 0..count as u8 {
+                for first in 0..=255u8 {
+                    // Escapes of up to 8 bits and 16 of their own; their codes are 0 to 65535 in two's complement.
+                    let data = [first, first.wrapping_mul(77), 3, 200, 9];
+                    let mut context = table;
+                    let code = huffman.code(&mut BitReader::new(&data), 0, 16, &mut context).unwrap();
+                    assert_eq!(context, shape.next_table(table, code));
+                    assert_eq!(context / classes, table / classes, "groups stay");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn classes_are_their_definition() {
+        for classes in 1..=8u8 {
+            for class in 0..classes {
+                for symbol in 0..70_000u32 {
+                    let code = signed(symbol);
+                    let above = LEVEL_ENDS.iter().filter(|&&end| code.unsigned_abs() > end).count() as i32;
+                    let (level, k) = (above.min(i32::from(classes) - 1), i32::from(class));
+                    let found = next_class(class, code, classes);
+                    assert_eq!(i32::from(found), level.max(k - 1), "{classes} {class} {symbol}");
+                    assert!(found < classes && unsigned(code) == symbol);
                 }
             }
         }
@@ -295,54 +365,39 @@ mod tests {
 
     #[test]
     fn a_lone_symbol_takes_no_bits() {
-        let bytes = [8, 2, 1, 0, 3, 2, 0x11];
+        let bytes = [2, 1, 0, 3, 2, 0x11];
         let mut memory = [0; 512];
         let mut huffman = Huffman::build(&bytes, &mut memory).unwrap();
         let mut bits = BitReader::new(&[0b0100_0000]);
-        let mut context = Context::default();
-        assert_eq!(huffman.symbol(&mut bits, 4, &mut context), 3);
-        assert_eq!((bits.position(), context.activity), (0, 16));
+        let mut context = 0;
+        assert_eq!(huffman.code(&mut bits, 0, 4, &mut context), Some(-2));
+        assert_eq!((bits.position(), context), (0, 1));
         // The other table: symbol 0, or the escape and four bits.
-        assert_eq!(huffman.symbol(&mut bits, 4, &mut context), 0);
-        assert_eq!((bits.position(), context.activity), (1, 12));
-        assert_eq!(huffman.symbol(&mut bits, 4, &mut context), 0);
-        assert_eq!(bits.position(), 6);
-    }
-
-    #[test]
-    fn classes_and_activities_are_their_definition() {
-        for before in 0..=243u8 {
-            for symbol in 0..70_000u32 {
-                let magnitude = symbol.div_ceil(2).min(7);
-                let expected = u32::from(before) - u32::from(before) / 4 + 8 * magnitude;
-                assert_eq!(u32::from(activity(before, symbol)), expected);
-                assert!(expected <= 243);
-            }
-        }
-        for a in 0..=255u8 {
-            let expected = CLASS_ENDS.iter().position(|&end| a <= end).unwrap_or(MAX_CLASSES - 1);
-            assert_eq!(class(a), expected);
-        }
+        assert_eq!(huffman.code(&mut bits, 0, 4, &mut context), Some(0));
+        assert_eq!((bits.position(), context), (1, 0));
+        context = 1;
+        assert_eq!(huffman.code(&mut bits, 0, 4, &mut context), Some(0));
+        assert_eq!((bits.position(), context), (6, 0));
+        context = NO_TABLE;
+        assert_eq!(huffman.code(&mut bits, 0, 4, &mut context), None);
+        assert_eq!((bits.position(), context), (6, NO_TABLE));
     }
 
     #[test]
     fn what_is_no_table_is_refused_with_its_place() {
-        let mut memory = [0; 1024];
+        let mut memory = [0; 512];
         let mut error = |bytes: &[u8]| Huffman::build(bytes, &mut memory).unwrap_err();
-        assert_eq!(error(&[8, 1]), TableError::Truncated { at: 2 });
-        assert_eq!(error(&[0, 1, 1]), TableError::Range { at: 0, found: 0, low: 1, high: 12 });
-        assert_eq!(error(&[8, 9, 1]), TableError::Range { at: 1, found: 9, low: 1, high: 8 });
-        assert_eq!(error(&[8, 1, 17]), TableError::Range { at: 2, found: 17, low: 1, high: 16 });
-        assert_eq!(error(&[8, 1, 1]), TableError::Truncated { at: 3 });
-        assert_eq!(error(&[8, 1, 1, 0]), TableError::Truncated { at: 4 });
-        assert_eq!(error(&[8, 1, 1, 3, 0x21]), TableError::Truncated { at: 5 });
-        assert_eq!(error(&[4, 1, 1, 2, 0x51]), TableError::Range { at: 4, found: 5, low: 0, high: 4 });
-        assert_eq!(error(&[8, 1, 1, 2, 0x21]), TableError::Incomplete { at: 3, filled: 192, entries: 256 });
-        assert_eq!(
-            error(&[8, 1, 1, 3, 0x11, 1]),
-            TableError::Incomplete { at: 3, filled: 384, entries: 256 }
-        );
-        assert_eq!(error(&[8, 1, 1, 2, 0x11, 7]), TableError::Range { at: 5, found: 7, low: 0, high: 0 });
-        assert_eq!(error(&[12, 1, 1, 2, 0x11]), TableError::Memory { needed: 4096 });
+        assert_eq!(error(&[1]), TableError::Truncated { at: 1 });
+        assert_eq!(error(&[0, 1]), TableError::Range { at: 0, found: 0, low: 1, high: 8 });
+        assert_eq!(error(&[9, 1]), TableError::Range { at: 0, found: 9, low: 1, high: 8 });
+        assert_eq!(error(&[3, 3]), TableError::Range { at: 1, found: 3, low: 1, high: 2 });
+        assert_eq!(error(&[1, 1]), TableError::Truncated { at: 2 });
+        assert_eq!(error(&[1, 1, 0]), TableError::Truncated { at: 3 });
+        assert_eq!(error(&[1, 1, 3, 0x21]), TableError::Truncated { at: 4 });
+        assert_eq!(error(&[1, 1, 2, 0x91]), TableError::Range { at: 3, found: 9, low: 0, high: 8 });
+        assert_eq!(error(&[1, 1, 2, 0x21]), TableError::Incomplete { at: 2, filled: 192, entries: 256 });
+        assert_eq!(error(&[1, 1, 3, 0x11, 1]), TableError::Incomplete { at: 2, filled: 384, entries: 256 });
+        assert_eq!(error(&[1, 1, 2, 0x11, 7]), TableError::Range { at: 4, found: 7, low: 0, high: 0 });
+        assert_eq!(error(&[3, 1, 2, 0x11]), TableError::Memory { needed: 768 });
     }
 }

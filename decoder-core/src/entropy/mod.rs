@@ -1,6 +1,7 @@
-//! Entropy stages: from bits to the symbols of channels.
+//! Entropy stages: from bits to the codes of channels.
 //!
-//! Source: the waveform-coding document, section 7.4. One file a stage, all behind [`SymbolSource`].
+//! Source: the waveform-coding document, section 7.4. One file a stage, all behind [`SymbolSource`]. A **code** is what
+//! a quantiser takes: a signed number. Prefix codes number them 0, −1, 1, −2, 2 …: these are their symbols.
 
 pub mod adaptive_huffman;
 pub mod fixed_width;
@@ -12,17 +13,11 @@ pub use huffman::Huffman;
 
 use crate::bits::BitReader;
 
-/// What an entropy stage keeps of a channel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Context {
-    /// The channel's group, which has code tables of its own.
-    pub group: u8,
-    /// A decaying sum of the magnitudes of the channel's codes: see [`huffman`].
-    pub activity: u8,
-}
-
-/// Gives the symbols of channels, one after the other.
+/// Gives the codes of channels, one after the other.
 pub trait SymbolSource {
-    /// The next symbol, of a channel with codes of `width` bits, 1 to 16. Past the end of `bits` it is any one.
-    fn symbol(&mut self, bits: &mut BitReader<'_>, width: u8, context: &mut Context) -> u32;
+    /// The next channel's code; `None` where it has none, since its codes have 0 bits. Past the end of `bits` it is any.
+    ///
+    /// `channel` counts the channels of a frame, `width` is the bits of its codes, 0 to 16, and `context` what the stage
+    /// keeps of the channel.
+    fn code(&mut self, bits: &mut BitReader<'_>, channel: usize, width: u8, context: &mut u8) -> Option<i32>;
 }

@@ -1,23 +1,19 @@
-//! The codecs: which stages each is composed of, and the loop over a frame's channels that they share.
+//! The codecs: which stages each is composed of.
 //!
 //! | codec | prediction | quantiser |
 //! |---|---|---|
-//! | pcm | the channel's lowest value | uniform between limits (7-4) |
+//! | pcm | the middle of the channel's range | uniform between limits (7-4) |
 //! | mulaw | first order | mu-law (7-5) |
 //! | dpcm | the last value, first or second order | uniform |
 //! | adpcm | second order, fixed or adaptive | uniform or adaptive (7-7) |
 //! | qmd | the last value | look-up table |
-//!
-//! Every combination with an entropy stage is compiled into a loop of its own.
 
-use super::header::{Channel, check};
-use crate::entropy::Context;
+use super::header::check;
 use crate::error::{Error, Field};
-use crate::predict::{Correlation, First, Last, Predict, Second};
+use crate::predict::adaptive::MAX_WINDOW;
 use crate::quantise::adaptive::CLASSES;
 use crate::quantise::step::MAX_STEP;
-use crate::quantise::{Adaptive, Cell, Grid, Lookup, MAX_BITS, MuLaw, Quantise, Uniform};
-use fixed::types::I16F16;
+use crate::quantise::{Adaptive, Lookup, MAX_BITS, MuLaw};
 
 /// A codec, as a header names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,7 +94,7 @@ impl EntropyId {
 /// How the adaptive predictor adapts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Adaptation {
-    /// s: the exponential window has 2^s frames, 1 to 14.
+    /// s: the exponential window has 2^s frames, 1 to [`MAX_WINDOW`].
     pub window: u8,
     /// p: a channel's coefficients are solved for every 2^p frames, 0 to 14.
     pub period: u8,
@@ -115,19 +111,19 @@ pub struct Adpcm {
 
 impl Adpcm {
     /// Bytes of the parameters.
-    pub const BYTES: usize = 12;
+    pub const BYTES: usize = CLASSES.wrapping_add(4);
 
     /// The parameters as a header has them.
-    pub const fn bytes(&self) -> [u8; Self::BYTES] {
-        let [a, b, c, d, e, f, g, h] = self.quantiser.multipliers;
+    pub fn bytes(&self) -> [u8; Self::BYTES] {
         let (window, period) = match self.predictor {
             Some(Adaptation { window, period }) => (window, period),
             None => (0, 0),
         };
-        let multipliers = [a.cast_unsigned(), b.cast_unsigned(), c.cast_unsigned(), d.cast_unsigned()];
-        let [a, b, c, d] = multipliers;
-        let [e, f, g, h] = [e.cast_unsigned(), f.cast_unsigned(), g.cast_unsigned(), h.cast_unsigned()];
-        [a, b, c, d, e, f, g, h, self.quantiser.low, self.quantiser.high, window, period]
+        let multipliers = self.quantiser.multipliers.into_iter().map(i8::cast_unsigned);
+        let rest = [self.quantiser.low, self.quantiser.high, window, period];
+        let mut bytes = [0; Self::BYTES];
+        bytes.iter_mut().zip(multipliers.chain(rest)).for_each(|(slot, byte)| *slot = byte);
+        bytes
     }
 
     fn read(bytes: &[u8; Self::BYTES], at: usize) -> Result<Self, Error> {
@@ -136,7 +132,7 @@ impl Adpcm {
             return Err(Error::Encoding { field: Field::Parameters, at });
         };
         check(Field::Parameters, at, high.into(), low.into(), MAX_STEP.into())?;
-        check(Field::Parameters, at, window.into(), 0, 14)?;
+        check(Field::Parameters, at, window.into(), 0, MAX_WINDOW.into())?;
         check(Field::Parameters, at, period.into(), 0, if window == 0 { 0 } else { 14 })?;
         let quantiser = Adaptive { multipliers: multipliers.map(u8::cast_signed), low, high };
         let predictor = (window > 0).then_some(Adaptation { window, period });
@@ -204,7 +200,7 @@ impl<'a> Codec<'a> {
         }
     }
 
-    /// Whether a channel needs a [`Correlation`].
+    /// Whether a channel needs a [`Correlation`](crate::predict::Correlation).
     pub const fn adapts_predictor(&self) -> bool {
         matches!(self, Self::Adpcm(Adpcm { predictor: Some(_), .. }))
     }
@@ -212,167 +208,5 @@ impl<'a> Codec<'a> {
     /// Whether the first frame after an entry point has values of its own, instead of codes.
     pub const fn has_entry_values(&self) -> bool {
         !matches!(self, Self::Pcm)
-    }
-}
-
-/// A channel between frames. Its last value is in the pose.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct State {
-    /// The value before the last one; pcm: the lowest value.
-    before: i32,
-    coefficients: [i16; 2],
-    cell: Cell,
-    context: Context,
-}
-
-impl State {
-    /// What memory holds before a decoder uses it.
-    pub const EMPTY: Self = Self {
-        before: 0,
-        coefficients: [0; 2],
-        cell: Cell { step: 0, bits: 0 },
-        context: Context { group: 0, activity: 0 },
-    };
-
-    /// A channel at an entry point, with the value that it has there.
-    pub(super) const fn entry(channel: &Channel<'_>, value: i32) -> Self {
-        Self {
-            before: value,
-            coefficients: channel.coefficients,
-            cell: Cell { step: channel.step, bits: channel.bits },
-            context: Context { group: channel.group, activity: 0 },
-        }
-    }
-
-    /// Bits of the channel's code.
-    pub const fn bits(&self) -> u8 {
-        self.cell.bits
-    }
-
-    /// The quantiser's part.
-    pub const fn cell(&self) -> &Cell {
-        &self.cell
-    }
-
-    /// The entropy stage's part.
-    pub const fn context(&mut self) -> &mut Context {
-        &mut self.context
-    }
-}
-
-/// Where the symbols of a frame come from: the bits of a block, or an encoder that looks for the best one.
-///
-/// So an encoder runs the decoder's own loop, with its predictors and quantisers.
-pub trait Choose {
-    /// The value of channel `channel` at an entry point, in steps of `2^shift` from its lowest, in `bits` bits.
-    fn entry(&mut self, channel: usize, low: i32, shift: u8, bits: u32) -> u32;
-
-    /// The symbol of channel `channel`, whose prediction is `predicted`.
-    fn symbol<Q: Quantise>(
-        &mut self,
-        channel: usize,
-        predicted: i32,
-        quantiser: &Q,
-        state: &mut State,
-    ) -> u32;
-}
-
-/// The channels of a frame in a loop that is compiled for one codec and one source of symbols.
-pub(super) fn step<C: Choose>(
-    codec: &Codec<'_>,
-    pose: &mut [I16F16],
-    states: &mut [State],
-    correlations: &mut [Correlation],
-    frame: u32,
-    choose: &mut C,
-) {
-    match codec {
-        Codec::Pcm => pcm(pose, states, choose),
-        Codec::MuLaw(law) => fixed(pose, states, &First, law, choose),
-        Codec::Dpcm { order: 0 } => fixed(pose, states, &Last, &Uniform, choose),
-        Codec::Dpcm { order: 1 } => fixed(pose, states, &First, &Uniform, choose),
-        Codec::Dpcm { .. } => fixed(pose, states, &Second, &Uniform, choose),
-        Codec::Adpcm(Adpcm { quantiser, predictor: None }) => fixed(pose, states, &Second, quantiser, choose),
-        Codec::Adpcm(Adpcm { quantiser, predictor: Some(adaptation) }) => {
-            adaptive(pose, states, correlations, *adaptation, frame, quantiser, choose);
-        }
-        Codec::Qmd(table) => fixed(pose, states, &Last, table, choose),
-    }
-}
-
-/// Items with their numbers. `enumerate` has an overflow check that stays in the image.
-#[inline(always)]
-fn counted<I: Iterator>(items: I) -> impl Iterator<Item = (usize, I::Item)> {
-    items.scan(0usize, |next, item| {
-        let number = *next;
-        *next = next.wrapping_add(1);
-        Some((number, item))
-    })
-}
-
-/// Values between limits.
-fn pcm<C: Choose>(pose: &mut [I16F16], states: &mut [State], choose: &mut C) {
-    for (channel, (value, state)) in counted(pose.iter_mut().zip(states)) {
-        if state.cell.bits == 0 {
-            continue;
-        }
-        let [mantissa, _] = state.coefficients;
-        let low = state.before;
-        let grid = Grid { low, mantissa, exponent: state.cell.step };
-        let symbol = choose.symbol(channel, low, &grid, state);
-        *value = I16F16::from_bits(low.wrapping_add(grid.difference(symbol, &mut state.cell)));
-    }
-}
-
-/// Differences to a prediction by fixed coefficients.
-#[inline(always)]
-fn fixed<P: Predict, Q: Quantise, C: Choose>(
-    pose: &mut [I16F16],
-    states: &mut [State],
-    predict: &P,
-    quantise: &Q,
-    choose: &mut C,
-) {
-    for (channel, (value, state)) in counted(pose.iter_mut().zip(states)) {
-        if state.cell.bits == 0 {
-            continue;
-        }
-        let last = value.to_bits();
-        let predicted = predict.predict(state.coefficients, last, state.before);
-        let symbol = choose.symbol(channel, predicted, quantise, state);
-        state.before = last;
-        *value = I16F16::from_bits(predicted.wrapping_add(quantise.difference(symbol, &mut state.cell)));
-    }
-}
-
-/// Differences to a prediction whose coefficients follow the channel.
-///
-/// Channel c solves for its coefficients after frame n since the entry point where n + c is a multiple of the
-/// period, so that the divisions of a frame's channels are spread over the period.
-#[inline(always)]
-fn adaptive<Q: Quantise, C: Choose>(
-    pose: &mut [I16F16],
-    states: &mut [State],
-    correlations: &mut [Correlation],
-    adaptation: Adaptation,
-    frame: u32,
-    quantise: &Q,
-    choose: &mut C,
-) {
-    let mask = 1u32.wrapping_shl(adaptation.period.into()).wrapping_sub(1);
-    let channels = pose.iter_mut().zip(states).zip(correlations);
-    for (channel, ((value, state), correlation)) in counted(channels) {
-        if state.cell.bits == 0 {
-            continue;
-        }
-        let last = value.to_bits();
-        let predicted = correlation.predict(state.coefficients, last);
-        let symbol = choose.symbol(channel, predicted, quantise, state);
-        let next = predicted.wrapping_add(quantise.difference(symbol, &mut state.cell));
-        correlation.add(next.wrapping_sub(last), adaptation.window.into());
-        if frame.wrapping_add(channel as u32) & mask == 0 {
-            state.coefficients = correlation.solve();
-        }
-        *value = I16F16::from_bits(next);
     }
 }

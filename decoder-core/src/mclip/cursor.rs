@@ -30,23 +30,27 @@ impl<'a> Cursor<'a> {
         Ok(byte)
     }
 
-    /// A number of at most `most`, seven bits a byte, the lowest first.
+    /// A number of at most `most`, which is 2^n − 1, seven bits a byte, the lowest first.
     fn varint(&mut self, field: Field, most: u32) -> Result<u32, Error> {
         let at = self.at();
-        let (mut value, mut shift) = (0u64, 0u32);
+        let (mut value, mut shift, mut room) = (0u32, 0u32, most);
         loop {
             let byte = self.u8(field)?;
-            value |= u64::from(byte & 0x7f).wrapping_shl(shift);
-            shift = shift.wrapping_add(7);
-            if byte & 0x80 == 0 {
-                break;
-            }
-            // As many bytes as the type's bits take.
-            if shift >= 32u32.saturating_sub(most.leading_zeros()) {
+            let bits = u32::from(byte & 0x7f);
+            if bits > room {
                 return Err(Error::Encoding { field, at });
             }
+            value |= bits.wrapping_shl(shift);
+            if byte & 0x80 == 0 {
+                return Ok(value);
+            }
+            // As many bytes as the type's bits take.
+            room >>= 7;
+            if room == 0 {
+                return Err(Error::Encoding { field, at });
+            }
+            shift = shift.wrapping_add(7);
         }
-        u32::try_from(value).ok().filter(|&value| value <= most).ok_or(Error::Encoding { field, at })
     }
 
     pub fn u32(&mut self, field: Field) -> Result<u32, Error> {

@@ -1,13 +1,13 @@
 //! What decoding in place, decoding a stream and encoding have in common: a pose, and a step to the next one.
 
-use super::codec::{Choose, EntropyId, State, step};
+use super::channels::{Channels, Choose, Decode, mark_octets};
+use super::codec::EntropyId;
 use super::header::Header;
-use crate::bits::BitReader;
-use crate::entropy::huffman::TableError;
-use crate::entropy::{AdaptiveHuffman, FixedWidth, Huffman, SymbolSource};
+use super::state::State;
+use crate::entropy::huffman::{NO_TABLE, TableError};
+use crate::entropy::{AdaptiveHuffman, FixedWidth, Huffman};
 use crate::error::{Error, Field};
 use crate::predict::Correlation;
-use crate::quantise::Quantise;
 use fixed::types::I16F16;
 
 /// The memory that a decoder needs, in elements.
@@ -111,104 +111,102 @@ impl<'a, 's> Engine<'a, 's> {
 
     /// Decodes the frame whose codes start at bit `position` of a block's codes; gives where they end. `entry` is
     /// true for the first frame of an entry point.
-    pub(super) fn decode(&mut self, codes: &[u8], position: usize, entry: bool) -> Result<usize, ()> {
-        let Self { header, pose, states, correlations, source, frame } = self;
-        let bits = BitReader::at(codes, position);
-        let mut parts = Parts { header, pose, states, correlations, frame };
-        if entry && let Source::Adaptive(tree) = source {
-            tree.reset();
-        }
-        let bits = match source {
-            Source::FixedWidth => parts.decode(entry, bits, &mut FixedWidth),
-            Source::Huffman(huffman) => parts.decode(entry, bits, &mut { *huffman }),
-            Source::Adaptive(tree) => parts.decode(entry, bits, tree),
-        };
-        if bits.overrun() { Err(()) } else { Ok(bits.position()) }
-    }
-
-    /// Goes on to the frame whose symbols `choose` gives: an encoder's, which may choose by what is predicted.
-    /// `entry` is true for the first frame of an entry point.
-    pub fn choose<C: Choose>(&mut self, choose: &mut C, entry: bool) -> &[I16F16] {
-        let Self { header, pose, states, correlations, frame, .. } = self;
-        Parts { header, pose, states, correlations, frame }.frame(entry, choose);
-        self.pose
-    }
-}
-
-/// The engine without its entropy stage.
-struct Parts<'e, 'a> {
-    header: &'e Header<'a>,
-    pose: &'e mut [I16F16],
-    states: &'e mut [State],
-    correlations: &'e mut [Correlation],
-    frame: &'e mut u32,
-}
-
-impl Parts<'_, '_> {
-    /// Decodes a frame and gives the bits that are left. The reader is the loop's own, so that it stays in registers.
     #[inline(always)]
-    fn decode<'b, S: SymbolSource>(
-        &mut self,
-        entry: bool,
-        bits: BitReader<'b>,
-        source: &mut S,
-    ) -> BitReader<'b> {
-        let mut decode = Decode { bits, source };
-        self.frame(entry, &mut decode);
-        decode.bits
-    }
-
-    #[inline(always)]
-    fn frame<C: Choose>(&mut self, entry: bool, choose: &mut C) {
-        let codec = self.header.codec();
+    pub(super) fn decode(&mut self, codes: &[u8], mut position: usize, entry: bool) -> Result<usize, ()> {
         if entry {
-            self.enter(choose);
-            if codec.has_entry_values() {
-                return;
+            position = self.decode_entry(codes, position)?;
+            if self.header.codec().has_entry_values() {
+                return Ok(position);
             }
         }
-        *self.frame = self.frame.wrapping_add(1);
-        step(codec, self.pose, self.states, self.correlations, *self.frame, choose);
+        let codec = self.header.codec();
+        self.frame = self.frame.wrapping_add(1);
+        let channels = Channels {
+            pose: self.pose,
+            states: self.states,
+            correlations: self.correlations,
+            frame: self.frame,
+        };
+        match &mut self.source {
+            Source::FixedWidth => {
+                let rest = codes.get(position >> 3..).unwrap_or_default();
+                let rest = channels.step_fixed_width(codec, rest).ok_or(())?;
+                Ok(codes.len().wrapping_sub(rest.len()).wrapping_mul(8))
+            }
+            Source::Huffman(source) => {
+                let mut decode = Decode { codes, position, source: *source };
+                channels.step(codec, &mut decode);
+                decode.finish()
+            }
+            Source::Adaptive(source) => {
+                let mut decode = Decode { codes, position, source };
+                channels.step(codec, &mut decode);
+                decode.finish()
+            }
+        }
+    }
+
+    /// Decodes the values of an entry point; gives where they end.
+    #[inline(never)]
+    fn decode_entry(&mut self, codes: &[u8], position: usize) -> Result<usize, ()> {
+        let mut decode = Decode { codes, position, source: FixedWidth };
+        self.enter(&mut decode);
+        match &mut self.source {
+            Source::FixedWidth => decode.position = decode.position.wrapping_add(7) & !7,
+            Source::Huffman(_) => {}
+            Source::Adaptive(tree) => tree.reset(),
+        }
+        decode.finish()
+    }
+
+    /// Goes on to the frame whose codes `choose` gives: an encoder's, which may choose by what is predicted.
+    /// `entry` is true for the first frame of an entry point.
+    pub fn choose<C: Choose>(&mut self, choose: &mut C, entry: bool) -> &[I16F16] {
+        if entry {
+            self.enter(choose);
+        }
+        let codec = self.header.codec();
+        if !(entry && codec.has_entry_values()) {
+            self.frame = self.frame.wrapping_add(1);
+            let channels = Channels {
+                pose: self.pose,
+                states: self.states,
+                correlations: self.correlations,
+                frame: self.frame,
+            };
+            channels.step(codec, choose);
+        }
+        self.pose
     }
 
     /// Sets every channel to what its record says, and to its value, if there is one.
-    #[inline(never)]
     fn enter<C: Choose>(&mut self, choose: &mut C) {
-        *self.frame = 0;
+        self.frame = 0;
         self.correlations.fill(Correlation::default());
-        let has_values = self.header.codec().has_entry_values();
+        let codec = self.header.codec();
+        let has_values = codec.has_entry_values();
+        let mut running = choose.begin();
         let slots = self.pose.iter_mut().zip(self.states.iter_mut());
         let mut index = 0usize;
         for ((value, state), channel) in slots.zip(self.header.channels()) {
             let bits = if has_values { channel.entry_bits() } else { 0 };
             let shift = channel.entry_shift;
-            let steps = if bits == 0 { 0 } else { choose.entry(index, channel.low, shift, bits) };
+            let steps =
+                if bits == 0 { 0 } else { choose.entry(&mut running, index, channel.low, shift, bits) };
             let first = channel.low.wrapping_add(steps.wrapping_shl(shift.into()).cast_signed());
+            let context = match &self.source {
+                Source::Huffman(_) if channel.bits == 0 => NO_TABLE,
+                Source::Huffman(huffman) => huffman.shape().first_table(channel.group),
+                _ => 0,
+            };
             *value = I16F16::from_bits(first);
-            *state = State::entry(&channel, first);
+            *state = State::entry(codec, &channel, first, context);
             index = index.wrapping_add(1);
         }
-    }
-}
-
-/// Symbols from the bits of a block.
-struct Decode<'d, 'b, S> {
-    bits: BitReader<'b>,
-    source: &'d mut S,
-}
-
-impl<S: SymbolSource> Choose for Decode<'_, '_, S> {
-    #[inline(always)]
-    fn entry(&mut self, _: usize, _: i32, _: u8, bits: u32) -> u32 {
-        let low = bits.min(16);
-        let high = self.bits.take(bits.saturating_sub(low));
-        high.wrapping_shl(low) | self.bits.take(low)
-    }
-
-    #[inline(always)]
-    fn symbol<Q: Quantise>(&mut self, _: usize, _: i32, _: &Q, state: &mut State) -> u32 {
-        let width = state.bits();
-        self.source.symbol(&mut self.bits, width, state.context())
+        choose.end(running);
+        if matches!(self.source, Source::FixedWidth) {
+            mark_octets(self.states);
+        }
     }
 }
 

@@ -9,18 +9,22 @@
 //! A decoder's memory is lent by the caller: [`Header::needs`] says how much.
 
 mod block;
+mod channels;
 mod clip;
 mod codec;
 mod cursor;
 mod decoder;
 mod engine;
 mod header;
+mod state;
 mod stream;
 
 pub use block::{BLOCK_HEADER_BYTES, BlockHeader};
+pub use channels::Choose;
 pub use clip::Clip;
-pub use codec::{Adaptation, Adpcm, Choose, Codec, CodecId, EntropyId, State};
+pub use codec::{Adaptation, Adpcm, Codec, CodecId, EntropyId};
 pub use decoder::Decoder;
 pub use engine::{Engine, Memory, Needs};
 pub use header::{Channel, Channels, Header, MAGIC, Opening, PREFIX_BYTES, Prefix, Unit, VERSION, checksum};
+pub use state::State;
 pub use stream::{Receiver, Stream};

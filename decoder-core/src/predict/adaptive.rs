@@ -14,15 +14,25 @@ use super::ONE;
 /// Largest magnitude of a reflection coefficient: 15/16.
 pub const MAX_REFLECTION: i32 = 15 << 10;
 
-/// Movements are kept in 2048ths of a unit, up to 16 units a frame.
-const SHIFT: u32 = 5;
+/// Movements are kept in 512ths of a unit, up to 8 units a frame: in 13 bits, so that a window of their products is in
+/// a word.
+const SHIFT: u32 = 7;
+
+/// Largest movement that is kept.
+const MOST: i32 = (1 << 12) - 1;
+
+/// R(0) below which there was too little movement to say: sums do not decay to zero.
+const LEAST: i32 = 256;
+
+/// Largest s of a window of 2^s samples.
+pub const MAX_WINDOW: u8 = 6;
 
 /// A channel's two last movements and its autocorrelation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Correlation {
     /// d(n − 1) and d(n − 2).
     movements: [i16; 2],
-    /// R(0), R(1) and R(2), weighted averages of products; below 2³⁰.
+    /// R(0), R(1) and R(2), decaying sums of products, below 2³¹.
     sums: [i32; 3],
 }
 
@@ -34,21 +44,22 @@ impl Correlation {
     #[inline(always)]
     pub const fn predict(&self, [first, second]: [i16; 2], last: i32) -> i32 {
         let [newest, before] = self.movements;
-        // Below 2^30 each, and |α₁| + |α₂| < 3 where they are a stable filter; wraps where they are not.
+        // Below 2^28 each.
         let first = (first as i32).wrapping_mul(newest as i32);
         let second = (second as i32).wrapping_mul(before as i32);
         last.wrapping_add(first.wrapping_add(second) >> (14 - SHIFT))
     }
 
-    /// Takes in the movement from one decoded value to the next. `window` is s, 1 to 14. Three 16-bit multiplies.
+    /// Takes in the movement from one decoded value to the next. `window` is s, 1 to [`MAX_WINDOW`]. Three 16-bit
+    /// multiplies.
     #[inline(always)]
     pub fn add(&mut self, movement: i32, window: u32) {
-        let new = (movement >> SHIFT).clamp(-0x8000, 0x7fff);
+        let new = (movement >> SHIFT).clamp(!MOST, MOST);
         let [newest, before] = self.movements;
         let [r0, r1, r2] = &mut self.sums;
-        average(r0, new.wrapping_mul(new), window);
-        average(r1, new.wrapping_mul(i32::from(newest)), window);
-        average(r2, new.wrapping_mul(i32::from(before)), window);
+        decay(r0, new.wrapping_mul(new), window);
+        decay(r1, new.wrapping_mul(i32::from(newest)), window);
+        decay(r2, new.wrapping_mul(i32::from(before)), window);
         self.movements = [new as i16, newest];
     }
 
@@ -56,7 +67,7 @@ impl Correlation {
     /// them; both 0 where there was too little movement to say.
     pub fn solve(&self) -> [i16; 2] {
         let [r0, r1, r2] = self.sums;
-        if r0 < 16 {
+        if r0 < LEAST {
             return [0, 0];
         }
         // R(0) in 15 bits, the others with it. R(1) and R(2) are kept below R(0), as those of a signal are.
@@ -72,11 +83,11 @@ impl Correlation {
     }
 }
 
-/// Moves an average by 2^−s of the way to a new value.
+/// Takes 2^−s off a sum and adds a product.
 #[inline(always)]
-fn average(sum: &mut i32, product: i32, window: u32) {
-    // Both are in ±2^30, so the difference is in a word.
-    *sum = sum.wrapping_add(product.wrapping_sub(*sum).wrapping_shr(window));
+fn decay(sum: &mut i32, product: i32, window: u32) {
+    // Products are at most 2^24 in magnitude, so sums are at most 2^30 + 2^24.
+    *sum = sum.wrapping_sub(sum.wrapping_shr(window)).wrapping_add(product);
 }
 
 fn clamp(value: i32, most: i32) -> i32 {
@@ -133,7 +144,7 @@ mod tests {
     #[test]
     fn sums_stay_in_range_for_any_movement() {
         let mut random = Random(8);
-        for window in 1..=14 {
+        for window in 1..=u32::from(MAX_WINDOW) {
             let mut channel = Correlation::default();
             for step in 0..20_000 {
                 let movement = match step / 1000 % 4 {
@@ -150,9 +161,8 @@ mod tests {
                 };
                 channel.add(movement, window);
                 let [r0, r1, r2] = channel.sums;
-                assert!(
-                    (-(1 << window)..=1 << 30).contains(&r0) && r1.abs() <= 1 << 30 && r2.abs() <= 1 << 30
-                );
+                let most = (1 << 30) + (1 << 24);
+                assert!((0..=most).contains(&r0) && r1.abs() <= most && r2.abs() <= most);
                 channel.predict(channel.solve(), movement);
             }
         }
@@ -165,7 +175,7 @@ mod tests {
         let (mut own, mut naive) = (0.0, 0.0);
         let mut before = [0; 2];
         for n in 0..2000 {
-            let x = ((f64::from(n) * 0.3).sin() * 30.0 * 65536.0) as i32;
+            let x = ((f64::from(n) * 0.3).sin() * 20.0 * 65536.0) as i32;
             if n > 200 {
                 own += f64::from(channel.predict(channel.solve(), before[0]) - x).abs();
                 naive += f64::from(2 * before[0] - before[1] - x).abs();

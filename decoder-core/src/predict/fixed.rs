@@ -1,76 +1,102 @@
-//! Fixed linear predictors of first and second order (7-12).
+//! Fixed predictors of first and second order (7-12), whose coefficients stay as the clip's header has them.
+//!
+//! They are written such that each costs one 32-bit product, whatever the value: a value has 32 bits, and so does a
+//! product on Cortex-M0+. The first order multiplies whole units, the second the last movement.
 
-use crate::arithmetic::scale;
+/// What the second order's coefficient is in parts of.
+pub const MOMENTUM_ONE: i16 = 64;
 
-/// A predictor whose coefficients stay as the clip's header has them.
+/// What the first order's leak is in parts of.
+pub const LEAK_ONE: i32 = 1 << 16;
+
+/// A predictor.
 pub trait Predict {
-    /// The prediction from the last value and from `before`, the one before it.
-    fn predict(&self, coefficients: [i16; 2], last: i32, before: i32) -> i32;
+    /// Whether `second` is the value before the last one, which is to be kept up.
+    const KEEPS: bool = false;
+
+    /// The prediction from the last value; `second` and `coefficient` are what the channel's state has.
+    fn predict(&self, last: i32, second: i32, coefficient: i16) -> i32;
 }
 
-/// The last value: differences between frames, without a multiplication.
+/// A constant, which is `second`.
 #[derive(Clone, Copy, Debug)]
-pub struct Last;
+pub struct Constant;
 
-impl Predict for Last {
+impl Predict for Constant {
     #[inline(always)]
-    fn predict(&self, _: [i16; 2], last: i32, _: i32) -> i32 {
-        last
+    fn predict(&self, _: i32, second: i32, _: i16) -> i32 {
+        second
     }
 }
 
-/// First order: α₁ · x(n − 1). The best α₁ is R(1)/R(0) (7-14); the encoder finds it. One multiplication of a word.
+/// First order: α · x(n − 1), as x − λ · ⌊x / 2¹⁶⌋, where `second` is λ, which is 1 − α in 65536ths ([`LEAK_ONE`]).
+/// λ = 0 predicts the last value.
+///
+/// The best α is R(1)/R(0) (7-14); the encoder finds it. That the leak is that of the whole units makes a difference of
+/// at most λ words. A shift, a multiplication and a subtraction.
 #[derive(Clone, Copy, Debug)]
 pub struct First;
 
 impl Predict for First {
     #[inline(always)]
-    fn predict(&self, [first, _]: [i16; 2], last: i32, _: i32) -> i32 {
-        scale(last, first).wrapping_shl(2)
+    fn predict(&self, last: i32, second: i32, _: i16) -> i32 {
+        last.wrapping_sub((last >> 16).wrapping_mul(second))
     }
 }
 
-/// Second order: α₁ · x(n − 1) + α₂ · x(n − 2), with two multiplications of a word.
+/// Second order: the last value and a part of the last movement, x(n − 1) + ⌊β · (x(n − 1) − x(n − 2)) / 64⌋, where
+/// `coefficient` is β in 64ths ([`MOMENTUM_ONE`]) and `second` x(n − 2): α₁ = 1 + β and α₂ = −β of (7-12).
 ///
-/// Coefficients reach from −2 to almost 2. Where they are outside the triangle |α₂| < 1, |α₁| < 1 − α₂, values run
-/// away and wrap; the encoder keeps them inside or on its edge.
+/// Movements whose product with β is not in a word wrap: those of 512 units a frame where β is 1. Two additions, a
+/// multiplication and a shift.
 #[derive(Clone, Copy, Debug)]
 pub struct Second;
 
 impl Predict for Second {
+    const KEEPS: bool = true;
+
     #[inline(always)]
-    fn predict(&self, [first, second]: [i16; 2], last: i32, before: i32) -> i32 {
-        scale(last, first).wrapping_add(scale(before, second)).wrapping_shl(2)
+    fn predict(&self, last: i32, second: i32, coefficient: i16) -> i32 {
+        let movement = last.wrapping_sub(second);
+        last.wrapping_add(movement.wrapping_mul(coefficient.into()) >> 6)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::predict::ONE;
     use crate::testing::Random;
 
     #[test]
-    fn predictions_are_the_formula_to_a_few_last_places() {
+    fn the_first_order_is_the_formula_to_a_leak_of_one_unit() {
         let mut random = Random(5);
         for _ in 0..200_000 {
-            // Within ±4096 units, so that nothing wraps.
-            let (last, before) = (random.next() as i32 >> 3, random.next() as i32 >> 3);
-            let coefficients = [random.next() as i16, random.next() as i16];
-            let [first, second] = coefficients.map(|c| f64::from(c) / f64::from(ONE));
-            let exact = first * f64::from(last) + second * f64::from(before);
-            let found = Second.predict(coefficients, last, before);
-            assert!((exact - f64::from(found)).abs() <= 8.0, "{exact} {found}");
-            let exact = first * f64::from(last);
-            let found = First.predict(coefficients, last, before);
-            assert!((exact - f64::from(found)).abs() <= 4.0, "{exact} {found}");
+            let (last, leak) = (random.next() as i32, random.below(1 << 15) as i32);
+            let exact = (1.0 - f64::from(leak) / f64::from(LEAK_ONE)) * f64::from(last);
+            let found = f64::from(First.predict(last, leak, 0));
+            assert!((0.0..=f64::from(leak)).contains(&(found - exact)), "{last} {leak}: {exact} {found}");
         }
     }
 
     #[test]
-    fn a_coefficient_of_one_keeps_all_but_two_bits() {
-        for last in [-70_003, -1, 0, 1, 4, 5_000_001] {
-            assert_eq!(First.predict([ONE, 0], last, 9), last >> 2 << 2);
+    fn the_second_order_is_the_formula_rounded_down() {
+        let mut random = Random(5);
+        for _ in 0..200_000 {
+            // Within ±128 units, so that nothing wraps.
+            let (last, second) = (random.next() as i32 >> 8, random.next() as i32 >> 8);
+            let coefficient = random.below(129) as i16 - 64;
+            let part = f64::from(coefficient) / f64::from(MOMENTUM_ONE);
+            let exact = (1.0 + part) * f64::from(last) - part * f64::from(second);
+            assert_eq!(f64::from(Second.predict(last, second, coefficient)), exact.floor());
+        }
+    }
+
+    #[test]
+    fn without_coefficients_it_is_the_last_value() {
+        for last in [i32::MIN, -70_003, -1, 0, 1, 4, 5_000_001, i32::MAX] {
+            assert_eq!(First.predict(last, 0, 0), last);
+            assert_eq!(Second.predict(last, 9, 0), last);
+            assert_eq!(Constant.predict(9, last, 0), last);
         }
     }
 }

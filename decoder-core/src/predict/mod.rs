@@ -1,12 +1,12 @@
 //! Predictors: what a channel's next value is likely to be, from the decoded ones before it.
 //!
-//! Source: the waveform-coding document, sections 7.5 and 7.6. Coefficients are 16384ths ([`ONE`]).
+//! Source: the waveform-coding document, sections 7.5 and 7.6.
 
 pub mod adaptive;
 pub mod fixed;
 
 pub use adaptive::Correlation;
-pub use fixed::{First, Last, Predict, Second};
+pub use fixed::{Constant, First, Predict, Second};
 
-/// A coefficient of 1.
+/// A coefficient of 1 of the adaptive predictor.
 pub const ONE: i16 = 1 << 14;

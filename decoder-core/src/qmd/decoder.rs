@@ -1,7 +1,7 @@
 //! Plays a clip that lies in memory, frame by frame.
 
 use super::clip::{Clip, Segment};
-use super::row::{self, NARROW, Table};
+use super::row::{self, NARROW};
 use super::segment::lent;
 use crate::error::{Error, Field};
 use fixed::types::I16F16;
@@ -13,8 +13,9 @@ use fixed::types::I16F16;
 pub struct Decoder<'a, 's> {
     clip: Clip<'a>,
     pose: &'s mut [I16F16],
-    lent: Lent<'s>,
-    segment: Segment<'a>,
+    table: Table<'a, 's>,
+    /// The segment's rows that are still to come.
+    rows: &'a [u8],
     /// What follows the segment.
     rest: &'a [u8],
     /// Bytes of a row.
@@ -22,22 +23,34 @@ pub struct Decoder<'a, 's> {
     position: u32,
 }
 
-/// What the caller has lent for the table.
+/// The table of the segment that plays: as the file has it, or converted into the words that the caller lent. Where
+/// an index has one byte, the compiler sees that there is an entry for each, and drops the check.
 #[derive(Debug)]
-enum Lent<'s> {
-    Nothing,
-    Narrow(&'s mut [i32; NARROW]),
-    Words(&'s mut [i32]),
+enum Table<'a, 's> {
+    NarrowFloats(&'a [[u8; 4]; NARROW]),
+    NarrowWords(&'s mut [i32; NARROW]),
+    /// For indices of two bytes; floats where no words were lent.
+    Wide(&'a [[u8; 4]], Option<&'s mut [i32]>),
 }
 
-impl Lent<'_> {
-    /// Makes room for a segment's table, where there is any.
-    fn convert(&mut self, segment: Segment<'_>) {
-        match self {
-            Self::Nothing => {}
-            Self::Narrow(words) => row::convert(segment.table, words.as_mut_slice()),
-            Self::Words(words) => row::convert(segment.table, words),
-        }
+impl<'a> Table<'a, '_> {
+    /// Takes a segment's floats.
+    #[inline(never)]
+    fn fill(&mut self, floats: &'a [[u8; 4]]) {
+        let words = match self {
+            Self::NarrowFloats(table) => {
+                if let Some(floats) = floats.first_chunk() {
+                    *table = floats;
+                }
+                return;
+            }
+            Self::NarrowWords(words) => words.as_mut_slice(),
+            Self::Wide(table, words) => {
+                *table = floats;
+                words.as_deref_mut().unwrap_or_default()
+            }
+        };
+        row::convert(floats, words);
     }
 }
 
@@ -48,36 +61,45 @@ impl<'a, 's> Decoder<'a, 's> {
         table: Option<&'s mut [i32]>,
     ) -> Result<Self, Error> {
         let pose = lent(pose, clip.channels(), Field::Pose)?;
-        let mut lent = match table {
-            None => Lent::Nothing,
-            Some(table) if clip.table_len() == NARROW => {
-                let lent = table.len();
-                let small = Error::OutputTooSmall { field: Field::Table, needed: NARROW, lent };
-                Lent::Narrow(table.first_chunk_mut().ok_or(small)?)
-            }
-            Some(table) => Lent::Words(lent(table, clip.table_len(), Field::Table)?),
-        };
         let (segment, rest) = clip.first_segment();
-        let row_bytes = clip.layout().row_bytes();
-        lent.convert(segment);
+        let mut table = match (table, segment.table.first_chunk()) {
+            (None, Some(floats)) if clip.table_len() == NARROW => Table::NarrowFloats(floats),
+            (None, _) => Table::Wide(segment.table, None),
+            (Some(words), _) if clip.table_len() == NARROW => {
+                let lent = words.len();
+                let small = Error::OutputTooSmall { field: Field::Table, needed: NARROW, lent };
+                Table::NarrowWords(words.first_chunk_mut().ok_or(small)?)
+            }
+            (Some(words), _) => {
+                Table::Wide(segment.table, Some(lent(words, clip.table_len(), Field::Table)?))
+            }
+        };
         clip.initial_pose(pose);
-        Ok(Self { clip, pose, lent, segment, rest, row_bytes, position: 0 })
+        let row_bytes = clip.layout().row_bytes();
+        table.fill(segment.table);
+        Ok(Self { clip, pose, table, rows: segment.rows, rest, row_bytes, position: 0 })
     }
 
     /// Decodes the next frame and returns its pose, an element a channel; `None` after the last one.
     pub fn next_frame(&mut self) -> Option<&[I16F16]> {
-        let (row, rows) = match self.segment.rows.split_at_checked(self.row_bytes) {
+        let (row, rows) = match self.rows.split_at_checked(self.row_bytes) {
             Some(split) => split,
             None => self.next_segment()?,
         };
-        self.segment.rows = rows;
+        self.rows = rows;
         self.position = self.position.wrapping_add(1);
-        let table = match &self.lent {
-            Lent::Narrow(words) => Table::Narrow(words),
-            Lent::Words(words) => Table::Words(words),
-            Lent::Nothing => Table::Floats(self.segment.table),
-        };
-        row::add(self.clip.layout(), row, table, self.pose);
+        let (looked_up, indices) = row::add_floats(self.clip.layout().fixed_channels, row, self.pose)?;
+        match &self.table {
+            Table::NarrowWords(words) => row::add_words(looked_up, indices, words),
+            Table::NarrowFloats(table) => row::add_narrow_floats(looked_up, indices, table),
+            Table::Wide(floats, words) => {
+                let index_bits = self.clip.layout().index_bits;
+                match words {
+                    Some(words) => row::add_wide(looked_up, indices, index_bits, words),
+                    None => row::add_wide_floats(looked_up, indices, index_bits, floats),
+                }
+            }
+        }
         Some(self.pose)
     }
 
@@ -126,9 +148,9 @@ impl<'a, 's> Decoder<'a, 's> {
     }
 
     fn enter(&mut self, segment: Segment<'a>, rest: &'a [u8]) {
-        self.segment = segment;
+        self.rows = segment.rows;
         self.rest = rest;
-        self.lent.convert(segment);
+        self.table.fill(segment.table);
     }
 }
 

@@ -1,33 +1,13 @@
 //! One row of differences onto the pose: the hot path.
 //!
 //! A channel costs one load of the index, one of the table entry, one of the pose, an addition and a store: 10 cycles
-//! on Cortex-M0+, where a load or store takes 2 and the index has to be shifted.
+//! on Cortex-M0+, where a load or store takes 2 and the index has to be shifted. What is written here in an unusual
+//! way keeps the loops in the few registers of that core; docs/CYCLES.md, "Where a frame's cycles go", has the counts.
 //! Additions wrap (docs/FORMAT.md): saturating ones would cost Cortex-M0+ four cycles a channel, and only a
 //! damaged clip can leave the range, whose goal positions are limited behind the decoder anyway.
 
-use super::segment::Layout;
-use crate::float::fixed_from_f32_bits;
+use crate::float::{far, fixed_from_f32_bits, near};
 use fixed::types::I16F16;
-
-/// The table of a segment: as the file has it, or converted into words that the caller lent.
-#[derive(Clone, Copy)]
-pub(super) enum Table<'t> {
-    Floats(&'t [[u8; 4]]),
-    /// For one-byte indices. The compiler sees that a byte is always inside, and drops the check.
-    Narrow(&'t [i32; NARROW]),
-    /// For two-byte indices.
-    Words(&'t [i32]),
-}
-
-impl<'t> Table<'t> {
-    /// Converted words, of which there are [`Layout::table_len`].
-    pub fn of(words: &'t [i32], layout: Layout) -> Self {
-        match words.first_chunk() {
-            Some(narrow) if layout.table_len() == NARROW => Self::Narrow(narrow),
-            _ => Self::Words(words),
-        }
-    }
-}
 
 /// Entries of a table for one-byte indices.
 pub(super) const NARROW: usize = 256;
@@ -39,30 +19,23 @@ pub(super) fn convert(floats: &[[u8; 4]], words: &mut [i32]) {
     }
 }
 
-/// Adds one row to `pose`. `row` has [`Layout::row_bytes`] bytes, `pose` an element a channel, the table
-/// [`Layout::table_len`] entries; whatever is missing in one of them leaves channels as they were.
-///
-/// The loops over a table are functions of their own, never inlined: together they would share registers, and the
-/// hot one would keep its pointers on the stack.
-#[inline]
-pub(super) fn add(layout: Layout, row: &[u8], table: Table<'_>, pose: &mut [I16F16]) {
-    let (mut indices, mut looked_up) = (row, pose);
-    if layout.fixed_channels > 0 {
-        let fixed_channels = usize::from(layout.fixed_channels);
-        let (Some((floats, rest)), Some((exact, others))) = (
-            indices.split_at_checked(fixed_channels.wrapping_mul(4)),
-            looked_up.split_at_mut_checked(fixed_channels),
-        ) else {
-            return;
-        };
-        add_floats(exact, floats);
-        (indices, looked_up) = (rest, others);
+/// Adds the floats at the front of `row` to the first channels of `pose`; what is left are the other channels and
+/// their indices.
+#[inline(always)]
+pub(super) fn add_floats<'p, 'r>(
+    fixed_channels: u16,
+    row: &'r [u8],
+    pose: &'p mut [I16F16],
+) -> Option<(&'p mut [I16F16], &'r [u8])> {
+    let fixed_channels = usize::from(fixed_channels);
+    if fixed_channels == 0 {
+        return Some((pose, row));
     }
-    match table {
-        Table::Narrow(words) => add_words(looked_up, indices, words),
-        Table::Words(words) => add_wide(looked_up, indices, layout.index_bits, words),
-        Table::Floats(floats) => add_converted(looked_up, indices, layout.index_bits, floats),
-    }
+    let (floats, indices) = row.split_at_checked(fixed_channels.wrapping_mul(4))?;
+    let (exact, looked_up) = pose.split_at_mut_checked(fixed_channels)?;
+    let (floats, _) = floats.as_chunks::<4>();
+    add_each(exact, floats, |&float| fixed(float));
+    Some((looked_up, indices))
 }
 
 /// Channels that the hot path handles at a time: the loop's own instructions are shared by eight channels, and on
@@ -70,50 +43,77 @@ pub(super) fn add(layout: Layout, row: &[u8], table: Table<'_>, pose: &mut [I16F
 const GROUP: usize = 8;
 
 /// Adds the words of a table to each value. The hot path.
-#[inline(never)]
-fn add_words(values: &mut [I16F16], indices: &[u8], words: &[i32; NARROW]) {
-    // One length for both, so that the loops have one end to look for.
-    let count = values.len().min(indices.len());
-    let (Some(values), Some(indices)) = (values.get_mut(..count), indices.get(..count)) else {
+///
+/// What no group of eight takes goes first, unrolled like the groups; the loop then has one end and one counter.
+#[inline(always)]
+pub(super) fn add_words(mut values: &mut [I16F16], mut indices: &[u8], words: &[i32; NARROW]) {
+    if values.len() != indices.len() {
         return;
-    };
-    let (groups, last_values) = values.as_chunks_mut::<GROUP>();
-    let (index_groups, last_indices) = indices.as_chunks::<GROUP>();
-    let word = |index: &u8| words.get(usize::from(*index)).copied().unwrap_or(0);
-    // The rest goes first: nothing has to be kept for it then.
-    add_each(last_values, last_indices, word);
-    for (indices, values) in index_groups.iter().zip(groups) {
-        // Arrays: this loop is unrolled.
-        for (value, index) in values.iter_mut().zip(indices) {
-            step(value, word(index));
-        }
+    }
+    if values.len() & 1 != 0 {
+        let Some(rest) = add_group::<1>(values, indices, words) else { return };
+        (values, indices) = rest;
+    }
+    if values.len() & 2 != 0 {
+        let Some(rest) = add_group::<2>(values, indices, words) else { return };
+        (values, indices) = rest;
+    }
+    if values.len() & 4 != 0 {
+        let Some(rest) = add_group::<4>(values, indices, words) else { return };
+        (values, indices) = rest;
+    }
+    while values.len() >= GROUP {
+        let Some(rest) = add_group::<GROUP>(values, indices, words) else { return };
+        (values, indices) = rest;
     }
 }
 
-/// Adds floats to each value. Few channels are floats, so a call would cost as much as one of them.
 #[inline(always)]
-fn add_floats(values: &mut [I16F16], floats: &[u8]) {
-    let (floats, _) = floats.as_chunks::<4>();
-    add_each(values, floats, |&float| fixed(float));
+fn add_group<'v, 'i, const N: usize>(
+    values: &'v mut [I16F16],
+    indices: &'i [u8],
+    words: &[i32; NARROW],
+) -> Option<(&'v mut [I16F16], &'i [u8])> {
+    let (group, values) = values.split_first_chunk_mut::<N>()?;
+    let (index_group, indices) = indices.split_first_chunk::<N>()?;
+    for (value, &index) in group.iter_mut().zip(index_group) {
+        step(value, words.get(usize::from(index)).copied().unwrap_or(0));
+    }
+    Some((values, indices))
 }
 
 /// Adds the words of a table of any size to each value.
 #[inline(never)]
-fn add_wide(values: &mut [I16F16], indices: &[u8], index_bits: u8, words: &[i32]) {
+pub(super) fn add_wide(values: &mut [I16F16], indices: &[u8], index_bits: u8, words: &[i32]) {
     let (indices, _) = indices.as_chunks::<2>();
     let mask = mask(index_bits);
     add_each(values, indices, |index| words.get(entry(index, mask)).copied().unwrap_or(0));
 }
 
-/// Adds the floats of a table to each value.
-#[inline(never)]
-fn add_converted(values: &mut [I16F16], indices: &[u8], index_bits: u8, floats: &[[u8; 4]]) {
-    if let Some(floats) = floats.first_chunk::<NARROW>()
-        && index_bits == 8
-    {
-        add_each(values, indices, |&index| floats.get(usize::from(index)).map_or(0, |&float| fixed(float)));
+/// Adds the floats of a table for one-byte indices to each value, two at a time. With more, Cortex-M0+ loads what has
+/// no register from the stack.
+#[inline(always)]
+pub(super) fn add_narrow_floats(values: &mut [I16F16], indices: &[u8], floats: &[[u8; 4]; NARROW]) {
+    if values.len() != indices.len() {
         return;
     }
+    let float = |&index: &u8| {
+        let bits = u32::from_le_bytes(floats.get(usize::from(index)).copied().unwrap_or_default());
+        // No case for zero, as in `fixed`: it takes a register of this loop.
+        near(bits).unwrap_or_else(|| far(bits))
+    };
+    // One first where their number is odd: the loop over pairs then is all that is left.
+    let (first, pairs) = values.as_rchunks_mut::<2>();
+    let (first_index, index_pairs) = indices.as_rchunks::<2>();
+    add_each(first, first_index, float);
+    for (values, indices) in pairs.iter_mut().zip(index_pairs) {
+        add_each(values, indices, float);
+    }
+}
+
+/// Adds the floats of a table of any size to each value.
+#[inline(never)]
+pub(super) fn add_wide_floats(values: &mut [I16F16], indices: &[u8], index_bits: u8, floats: &[[u8; 4]]) {
     let (indices, _) = indices.as_chunks::<2>();
     let mask = mask(index_bits);
     add_each(values, indices, |index| floats.get(entry(index, mask)).map_or(0, |&float| fixed(float)));
@@ -133,7 +133,8 @@ const fn entry(index: &[u8; 2], mask: usize) -> usize {
 #[inline(always)]
 fn add_each<I>(values: &mut [I16F16], indices: &[I], difference: impl Fn(&I) -> i32) {
     for (value, index) in values.iter_mut().zip(indices) {
-        step(value, difference(index));
+        let difference = difference(index);
+        step(value, difference);
     }
 }
 

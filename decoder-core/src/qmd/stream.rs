@@ -4,7 +4,7 @@
 //! that lies whole in a chunk is read there; one that is split between chunks is put together in the caller's
 //! buffer. Frames and errors are the same for every way to cut the bytes into chunks.
 
-use super::row::{self, Table};
+use super::row;
 use super::segment::{Header, Layout, SEGMENT_HEADER_BYTES, add_frames, check_level, lent};
 use crate::error::{Error, Field, Limits};
 use crate::float::fixed_from_f32_bits;
@@ -142,7 +142,12 @@ impl<'s> Stream<'s> {
                 if let Some(layout) = self.layout {
                     let channels = usize::from(layout.channels);
                     let pose = lent(self.pose, channels, Field::Pose)?;
-                    row::add(layout, unit, Table::of(self.words, layout), pose);
+                    if let Some((values, indices)) = row::add_floats(layout.fixed_channels, unit, pose) {
+                        match self.words.first_chunk() {
+                            Some(words) if layout.index_bits == 8 => row::add_words(values, indices, words),
+                            _ => row::add_wide(values, indices, layout.index_bits, self.words),
+                        }
+                    }
                     step = Step::Frame { channels };
                 }
                 Read::Row

@@ -4,13 +4,15 @@
 //! multiplying by β is adding to the step's index, and what is added is a table of the clip's header. The index is
 //! bounded, so the step is.
 
-use super::{Cell, Quantise, Uniform};
-use crate::arithmetic::signed;
+use super::step::SIZES;
+use super::{Quantise, Uniform};
 
-/// Classes of code magnitudes, each with a multiplier.
-pub const CLASSES: usize = 8;
+/// Classes of codes, each with a multiplier: sixteenths of all codes of a width.
+pub const CLASSES: usize = 16;
 
-/// What a clip fixes for all channels.
+/// What a clip fixes for all channels. A channel's step is its index.
+///
+/// A code costs three look-ups and a multiply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Adaptive {
     /// log₂ β in eighths, for the codes of each class.
@@ -22,26 +24,32 @@ pub struct Adaptive {
 }
 
 impl Adaptive {
-    /// The class of a code: its magnitude in eighths of the largest, `min(⌊|code| · 16 / 2^bits⌋, 7)`.
+    /// The class of a code: its first four bits; zeros stand for bits that it has not. So with four bits each code has a
+    /// multiplier of its own. Positive codes are in classes 0 to 7, negative ones in 8 to 15.
     #[inline(always)]
     pub const fn class(code: i32, bits: u8) -> usize {
-        let class = code.unsigned_abs().wrapping_shl(4).wrapping_shr(bits as u32);
-        if class > 7 { 7 } else { class as usize }
+        (code.cast_unsigned().wrapping_shl(32u32.wrapping_sub(bits as u32)) >> 28) as usize
     }
 }
 
 impl Quantise for Adaptive {
     #[inline(always)]
-    fn difference(&self, symbol: u32, cell: &mut Cell) -> i32 {
-        let difference = Uniform.difference(symbol, cell);
-        let class = Self::class(signed(symbol), cell.bits);
-        let by = self.multipliers.get(class).copied().unwrap_or(0);
-        cell.step = cell.step.saturating_add_signed(by).min(self.high).max(self.low);
-        difference
+    fn difference(&self, code: i32, step: &mut i32, bits: u8) -> i32 {
+        let index = *step as u8;
+        let by = self.multipliers.get(Self::class(code, bits)).copied().unwrap_or(0);
+        // At most 127 from a byte: bounds of bytes bring it back into one.
+        let next = i32::from(index).wrapping_add(i32::from(by));
+        *step = next.min(self.high.into()).max(self.low.into());
+        self.size(index.into()).wrapping_mul(code)
     }
 
-    fn nearest(&self, difference: i32, cell: &Cell) -> u32 {
-        Uniform.nearest(difference, cell)
+    fn nearest(&self, difference: i32, step: i32, bits: u8) -> i32 {
+        Uniform.nearest(difference, self.size(step), bits)
+    }
+
+    #[inline(always)]
+    fn size(&self, step: i32) -> i32 {
+        SIZES.get(usize::from(step as u8)).copied().unwrap_or(0)
     }
 }
 
@@ -50,27 +58,29 @@ mod tests {
     use super::*;
     use crate::quantise::step::{MAX_STEP, size};
 
-    /// All steps, widths and symbols, with multipliers that reach past both bounds.
+    /// All steps, widths and codes, with multipliers that reach past both bounds.
     #[test]
     fn every_transition() {
-        let tables = [[-2, -2, -1, -1, 3, 5, 7, 9], [-128, 127, -127, 126, -1, 0, 1, 127], [0; 8]];
+        let tables = [
+            [-2, -2, -1, -1, 3, 5, 7, 9, 10, 7, 5, 3, -1, -1, -2, -2],
+            [-128, 127, -127, 126, -1, 0, 1, 127, 2, 3, 4, 5, 6, 7, 8, -9],
+            [0; 16],
+        ];
         let mut transitions = 0u64;
         for multipliers in tables {
             for (low, high) in [(0, MAX_STEP), (40, 160), (77, 77)] {
                 let quantiser = Adaptive { multipliers, low, high };
-                for step in low..=high {
+                for index in low..=high {
                     for bits in 1..=8u8 {
-                        for symbol in 0..1u32 << bits {
-                            let mut cell = Cell { step, bits };
-                            let difference = quantiser.difference(symbol, &mut cell);
-                            let code = i64::from(signed(symbol));
-                            assert_eq!(difference, (code * i64::from(size(step))) as i32, "wraps");
-                            let class = (code.unsigned_abs() * 16 / (1 << bits)).min(7) as usize;
-                            let next = (i64::from(step) + i64::from(multipliers[class]))
-                                .clamp(0, 255)
-                                .clamp(i64::from(low), i64::from(high));
-                            assert_eq!(i64::from(cell.step), next);
-                            assert_eq!(cell.bits, bits);
+                        for code in -(1 << (bits - 1))..1i32 << (bits - 1) {
+                            let mut step = i32::from(index);
+                            let difference = quantiser.difference(code, &mut step, bits);
+                            let exact = i64::from(code) * i64::from(size(index));
+                            assert_eq!(difference, exact as i32, "wraps");
+                            let class = (code * 16).div_euclid(1 << bits).rem_euclid(16) as usize;
+                            let next = (i64::from(index) + i64::from(multipliers[class]))
+                                .clamp(low.into(), high.into());
+                            assert_eq!(i64::from(step), next);
                             transitions += 1;
                         }
                     }
@@ -80,15 +90,16 @@ mod tests {
         assert_eq!(transitions, 3 * (200 + 121 + 1) * 510);
     }
 
-    /// Every symbol with more bits than a prefix table holds: the index stays bounded.
+    /// Every code of more bits than an octet's: the index stays bounded.
     #[test]
     fn wide_codes_are_bounded_too() {
-        let quantiser = Adaptive { multipliers: [-9, -3, 0, 1, 2, 5, 9, 127], low: 10, high: 190 };
+        let multipliers = [-9, -3, 0, 1, 2, 5, 9, 127, -128, 9, 5, 2, 1, 0, -3, -9];
+        let quantiser = Adaptive { multipliers, low: 10, high: 190 };
         for bits in 9..=16u8 {
-            let mut cell = Cell { step: 100, bits };
-            for symbol in 0..1u32 << bits {
-                quantiser.difference(symbol, &mut cell);
-                assert!((10..=190).contains(&cell.step));
+            let mut step = 100;
+            for code in -(1 << (bits - 1))..1i32 << (bits - 1) {
+                quantiser.difference(code, &mut step, bits);
+                assert!((10..=190).contains(&step));
             }
         }
     }

@@ -3,12 +3,12 @@
 //! QMD (VRST 2005) gives all channels one table. Here a channel scales it by its step, so that a table fits the
 //! movement of joints that a difference causes rather than the difference's own size.
 
-use super::{Cell, Quantise};
-use crate::arithmetic::scale;
+use super::Quantise;
+use crate::arithmetic::{scale, signed, unsigned};
 
-/// Differences in 4096ths of a step, signed, little-endian; symbol `s` is the entry `s`.
+/// Differences in 4096ths of a step, signed, little-endian; codes 0, −1, 1, −2, 2 … are the entries 0, 1, 2, 3, 4 …
 ///
-/// One load and one word-by-16-bit multiply a symbol. A symbol without an entry stands for 0.
+/// One load and one word-by-16-bit multiply a code. A code without an entry stands for 0.
 #[derive(Clone, Copy, Debug)]
 pub struct Lookup<'a> {
     levels: &'a [[u8; 2]],
@@ -29,18 +29,18 @@ impl<'a> Lookup<'a> {
 
 impl Quantise for Lookup<'_> {
     #[inline(always)]
-    fn difference(&self, symbol: u32, cell: &mut Cell) -> i32 {
-        let level = self.levels.get(symbol as usize).map_or(0, |&level| i16::from_le_bytes(level));
-        scale(super::step::size(cell.step), level).wrapping_shl(4)
+    fn difference(&self, code: i32, step: &mut i32, _: u8) -> i32 {
+        let level = self.levels.get(unsigned(code) as usize).map_or(0, |&level| i16::from_le_bytes(level));
+        scale(*step, level).wrapping_shl(4)
     }
 
-    fn nearest(&self, difference: i32, cell: &Cell) -> u32 {
+    fn nearest(&self, difference: i32, step: i32, bits: u8) -> i32 {
         let mut best = (u32::MAX, 0);
-        let mut cell = *cell;
-        for symbol in 0..cell.symbols().min(self.levels.len() as u32) {
-            let off = self.difference(symbol, &mut cell).abs_diff(difference);
+        for symbol in 0..1u32.wrapping_shl(bits.into()).min(self.levels.len() as u32) {
+            let code = signed(symbol);
+            let off = self.difference(code, &mut { step }, bits).abs_diff(difference);
             if off < best.0 {
-                best = (off, symbol);
+                best = (off, code);
             }
         }
         best.1
@@ -55,14 +55,14 @@ mod tests {
 
     #[test]
     fn every_level_of_every_size() {
-        for step in [0, 8, 104, 199] {
+        for step in [0, 8, 104, 199].map(size) {
             for part in i16::MIN..=i16::MAX {
                 let bytes = part.to_le_bytes();
                 let table = Lookup::new(&bytes).unwrap();
-                let found = table.difference(0, &mut Cell { step, bits: 8 });
-                let exact = ((i64::from(size(step)) * i64::from(part)) >> 16) << 4;
+                let found = table.difference(0, &mut { step }, 8);
+                let exact = ((i64::from(step) * i64::from(part)) >> 16) << 4;
                 assert_eq!(found, exact as i32);
-                assert_eq!(table.difference(1, &mut Cell { step, bits: 8 }), 0);
+                assert_eq!(table.difference(-1, &mut { step }, 8), 0);
             }
         }
     }
@@ -71,9 +71,9 @@ mod tests {
     fn the_nearest_entry_wins() {
         let bytes: Vec<u8> = [0i16, -4096, 4096, 9000].iter().flat_map(|level| level.to_le_bytes()).collect();
         let table = Lookup::new(&bytes).unwrap();
-        let cell = Cell { step: 104, bits: 2 };
-        assert_eq!([0, -60_000, 40_000, 150_000, i32::MAX].map(|d| table.nearest(d, &cell)), [0, 1, 2, 3, 3]);
-        assert_eq!(table.nearest(150_000, &Cell { step: 104, bits: 1 }), 0);
+        let nearest = |difference| table.nearest(difference, size(104), 2);
+        assert_eq!([0, -60_000, 40_000, 150_000, i32::MAX].map(nearest), [0, -1, 1, -2, -2]);
+        assert_eq!(table.nearest(150_000, size(104), 1), 0);
         assert!(Lookup::new(&[]).is_none() && Lookup::new(&[1]).is_none());
     }
 }

@@ -1,7 +1,7 @@
 //! Quantisers: from the symbols of a channel to its values or differences, and back for the encoder.
 //!
 //! Source: the waveform-coding document, sections 7.2 and 7.3. One file a quantiser. What a clip fixes for all
-//! channels is in the quantiser, what belongs to a channel is in its [`Cell`].
+//! channels is in the quantiser, what belongs to a channel is given to it.
 
 pub mod adaptive;
 pub mod lookup;
@@ -17,27 +17,19 @@ pub use uniform::{Grid, Uniform};
 /// Most bits of a code.
 pub const MAX_BITS: u8 = 16;
 
-/// A channel's quantiser.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Cell {
-    /// Index of the step size ([`step::size`]).
-    pub step: u8,
-    /// Bits of a code, 0 to [`MAX_BITS`]; a channel of 0 bits keeps its value.
-    pub bits: u8,
-}
-
-impl Cell {
-    /// Symbols that the channel has: 2 to the power of its bits.
-    pub const fn symbols(self) -> u32 {
-        1u32.wrapping_shl(self.bits as u32)
-    }
-}
-
 /// A quantiser of differences.
+///
+/// Codes are signed, in two's complement of a channel's `bits`, 1 to [`MAX_BITS`]. `step` is the channel's own: its step
+/// size as a word, or what a quantiser that adapts makes of it.
 pub trait Quantise {
-    /// The difference that `symbol` stands for. May change the cell, so it is called once a symbol.
-    fn difference(&self, symbol: u32, cell: &mut Cell) -> i32;
+    /// The difference that `code` stands for. May change the step, so it is called once a code.
+    fn difference(&self, code: i32, step: &mut i32, bits: u8) -> i32;
 
-    /// The symbol whose difference is nearest to `difference`, of those that the cell has. Only an encoder needs it.
-    fn nearest(&self, difference: i32, cell: &Cell) -> u32;
+    /// The code whose difference is nearest to `difference`. Only an encoder needs it.
+    fn nearest(&self, difference: i32, step: i32, bits: u8) -> i32;
+
+    /// The step size, in words.
+    fn size(&self, step: i32) -> i32 {
+        step
+    }
 }

@@ -8,7 +8,7 @@
 //! The levels are those of the clip's header, in 65536ths of θ_MAX, so any μ, or any other law, decodes without a
 //! logarithm. Levels of N/2 steps are every second of those of N, so one table serves all widths up to its own.
 
-use super::{Cell, Quantise};
+use super::Quantise;
 use crate::arithmetic::scale;
 
 /// Most levels in a table: those of a code of nine bits.
@@ -16,8 +16,8 @@ pub const MAX_LEVELS: usize = 256;
 
 /// Decision levels d_0 = 0 to d_(N/2 − 1) in 65536ths of θ_MAX, little-endian; d_(N/2) is θ_MAX itself.
 ///
-/// A channel's θ_MAX is its step size. Symbol 2m is the middle of d_m and d_(m+1), symbol 2m + 1 its negative.
-/// Two loads and two multiplies a symbol.
+/// A channel's θ_MAX is its step size. Code m from 0 up is the middle of d_m and d_(m+1), code −1 − m its negative.
+/// Two loads and two multiplies a code.
 #[derive(Clone, Copy, Debug)]
 pub struct MuLaw<'a> {
     levels: &'a [[u8; 2]],
@@ -54,36 +54,39 @@ impl<'a> MuLaw<'a> {
 
 impl Quantise for MuLaw<'_> {
     #[inline(always)]
-    fn difference(&self, symbol: u32, cell: &mut Cell) -> i32 {
-        let index = symbol >> 1;
-        let sum = self.level(index, cell.bits).wrapping_add(self.level(index.wrapping_add(1), cell.bits));
+    fn difference(&self, code: i32, step: &mut i32, bits: u8) -> i32 {
+        // All bits set for negative codes.
+        let sign = code >> 31;
+        let index = (code ^ sign).cast_unsigned();
+        let sum = self.level(index, bits).wrapping_add(self.level(index.wrapping_add(1), bits));
         // A quarter of the sum of two 65536ths: the middle, in 32768ths.
         let middle = (sum >> 2).min(0x7fff) as i16;
-        let value = scale(super::step::size(cell.step), middle).wrapping_shl(1);
-        if symbol & 1 == 0 { value } else { value.wrapping_neg() }
+        let value = scale(*step, middle).wrapping_shl(1);
+        (value ^ sign).wrapping_sub(sign)
     }
 
     /// By halving: the decision level in the middle says in which half to go on (7.2.2).
-    fn nearest(&self, difference: i32, cell: &Cell) -> u32 {
-        let size = super::step::size(cell.step);
-        let (mut low, mut count) = (0u32, cell.symbols() >> 1);
+    fn nearest(&self, difference: i32, step: i32, bits: u8) -> i32 {
+        let (mut low, mut count) = (0u32, 1u32.wrapping_shl(bits.into()) >> 1);
         while count > 1 {
             count >>= 1;
             let middle = low.wrapping_add(count);
-            let level = self.level(middle, cell.bits) >> 1;
+            let level = self.level(middle, bits) >> 1;
             if difference.unsigned_abs()
-                >= scale(size, level.min(0x7fff) as i16).wrapping_shl(1).unsigned_abs()
+                >= scale(step, level.min(0x7fff) as i16).wrapping_shl(1).unsigned_abs()
             {
                 low = middle;
             }
         }
-        low.wrapping_shl(1) | u32::from(difference < 0)
+        low.cast_signed() ^ (difference >> 31)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arithmetic::signed;
+    use crate::quantise::step::size;
     use std::vec::Vec;
 
     fn levels(mu: f64, count: usize) -> Vec<u8> {
@@ -99,13 +102,12 @@ mod tests {
             for bits in 1..=law.bits() {
                 let half = f64::from(1u32 << (bits - 1));
                 for step in [60, 104, 140, 199] {
-                    let most = f64::from(crate::quantise::step::size(step));
-                    let mut cell = Cell { step, bits };
-                    for symbol in 0..cell.symbols() {
+                    let most = f64::from(size(step));
+                    for symbol in 0..1u32 << bits {
                         let at = |i: u32| ((1.0 + mu).powf(f64::from(i) / half) - 1.0) / mu * most;
                         let middle = (at(symbol / 2) + at(symbol / 2 + 1)) / 2.0;
                         let expected = if symbol % 2 == 0 { middle } else { -middle };
-                        let found = f64::from(law.difference(symbol, &mut cell));
+                        let found = f64::from(law.difference(signed(symbol), &mut size(step), bits));
                         // A 65536th for the levels' rounding, a 32768th for the middle's.
                         assert!(
                             (found - expected).abs() <= most / 16384.0 + 3.0,
@@ -121,8 +123,7 @@ mod tests {
     fn steps_are_narrowest_about_zero() {
         let levels = levels(255.0, 128);
         let law = MuLaw::new(&levels).unwrap();
-        let mut cell = Cell { step: 140, bits: 6 };
-        let values: Vec<i32> = (0..32).map(|m| law.difference(2 * m, &mut cell)).collect();
+        let values: Vec<i32> = (0..32).map(|m| law.difference(m, &mut size(140), 6)).collect();
         let gaps: Vec<i32> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
         assert!(gaps.windows(2).all(|pair| pair[0] <= pair[1]), "{gaps:?}");
         assert!(gaps[30] > 100 * gaps[0], "{gaps:?}");
@@ -133,15 +134,15 @@ mod tests {
         let levels = levels(255.0, 16);
         let law = MuLaw::new(&levels).unwrap();
         for bits in 1..=5 {
-            let mut cell = Cell { step: 90, bits };
-            for symbol in 0..cell.symbols() {
-                let value = law.difference(symbol, &mut cell);
+            let half = 1 << (bits - 1);
+            for code in -half..half {
+                let value = law.difference(code, &mut size(90), bits);
                 if value != 0 {
-                    assert_eq!(law.nearest(value, &cell), symbol, "{bits} {value}");
+                    assert_eq!(law.nearest(value, size(90), bits), code, "{bits} {value}");
                 }
             }
-            assert_eq!(law.nearest(i32::MAX, &cell), cell.symbols() - 2);
-            assert_eq!(law.nearest(i32::MIN, &cell), cell.symbols() - 1);
+            assert_eq!(law.nearest(i32::MAX, size(90), bits), half - 1);
+            assert_eq!(law.nearest(i32::MIN, size(90), bits), -half);
         }
     }
 

@@ -35,6 +35,19 @@ pub const fn size(index: u8) -> i32 {
     mantissa.wrapping_shr(28u32.wrapping_sub((index >> 3) as u32)).cast_signed()
 }
 
+/// The sizes of all indices.
+pub(super) static SIZES: [i32; 256] = {
+    let mut sizes = [0; 256];
+    let mut index = 0u8;
+    let mut rest = sizes.as_mut_slice();
+    while let Some((first, others)) = rest.split_first_mut() {
+        *first = size(index);
+        rest = others;
+        index = index.wrapping_add(1);
+    }
+    sizes
+};
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -51,6 +64,7 @@ mod tests {
         for index in 0..=MAX_STEP {
             assert_eq!(f64::from(size(index)), 2f64.powf(3.0 + f64::from(index) / 8.0).floor(), "{index}");
         }
+        assert!((0..=255).all(|index| SIZES[usize::from(index)] == size(index)));
         assert!((MAX_STEP..=255).all(|index| size(index) == size(MAX_STEP)));
     }
 }

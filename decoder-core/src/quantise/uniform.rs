@@ -1,7 +1,6 @@
 //! Uniform quantisers: of values between two limits (7-4), and of differences about zero.
 
-use super::{Cell, Quantise};
-use crate::arithmetic::{signed, unsigned};
+use super::Quantise;
 
 /// Values between two limits θ_L and θ_U in N steps of Δ = (θ_U − θ_L) / N: decision levels d_i = θ_L + i·Δ (7-4),
 /// reconstruction in the middle of two of them (7-3).
@@ -49,51 +48,33 @@ impl Grid {
         (self.mantissa as i32).wrapping_shl(self.exponent as u32)
     }
 
-    /// The value that a code stands for: `low + code · Δ + ⌊Δ / 2⌋`, wrapping.
-    pub fn value(self, code: u32) -> i32 {
-        self.low.wrapping_add(self.difference(code, &mut Cell::default()))
-    }
-
-    /// The code of a value, of `2^bits` codes. Only an encoder needs it: it divides.
-    pub fn code(self, value: i32, bits: u8) -> u32 {
-        self.nearest(value.max(self.low).wrapping_sub(self.low), &Cell { step: 0, bits })
-    }
-}
-
-/// Differences are from the lower limit. One multiply a symbol.
-impl Quantise for Grid {
-    #[inline(always)]
-    fn difference(&self, symbol: u32, _: &mut Cell) -> i32 {
+    /// The value that code 0 of `bits` bits stands for: `low + 2^(bits − 1) · Δ + ⌊Δ / 2⌋`, wrapping. Code c stands for
+    /// c · Δ more, so that a grid's codes are those of a [`Uniform`] quantiser of differences to this value.
+    pub const fn middle(self, bits: u8) -> i32 {
+        let codes = 1i32.wrapping_shl(bits as u32) >> 1;
         let step = self.step();
-        step.wrapping_mul(symbol as i32).wrapping_add(step >> 1)
-    }
-
-    fn nearest(&self, difference: i32, cell: &Cell) -> u32 {
-        // A difference from the lower limit is unsigned.
-        let code = difference.cast_unsigned().checked_div(self.step().cast_unsigned()).unwrap_or(0);
-        code.min(cell.symbols().wrapping_sub(1))
+        self.low.wrapping_add(codes.wrapping_mul(step)).wrapping_add(step >> 1)
     }
 }
 
 /// Differences in steps about zero: code · Δ, with zero a level of its own.
 ///
-/// Symbol `s` is code 0, −1, 1, −2, 2 … One multiply a symbol; the error is at most Δ/2 where the code is in range.
+/// One multiply a code; the error is at most Δ/2 where the code is in range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Uniform;
 
 impl Quantise for Uniform {
     #[inline(always)]
-    fn difference(&self, symbol: u32, cell: &mut Cell) -> i32 {
-        super::step::size(cell.step).wrapping_mul(signed(symbol))
+    fn difference(&self, code: i32, step: &mut i32, _: u8) -> i32 {
+        step.wrapping_mul(code)
     }
 
-    fn nearest(&self, difference: i32, cell: &Cell) -> u32 {
-        let step = super::step::size(cell.step);
+    fn nearest(&self, difference: i32, step: i32, bits: u8) -> i32 {
         // Halves away from zero.
         let half = (step >> 1).wrapping_mul(difference.signum());
         let code = difference.saturating_add(half).checked_div(step).unwrap_or(0);
-        let most = (cell.symbols() >> 1).cast_signed();
-        if most == 0 { 0 } else { unsigned(code.clamp(most.wrapping_neg(), most.wrapping_sub(1))) }
+        let most = 1i32.wrapping_shl(bits.into()) >> 1;
+        code.clamp(most.wrapping_neg(), most.wrapping_sub(1).max(0))
     }
 }
 
@@ -103,6 +84,11 @@ mod tests {
     use crate::quantise::step::size;
     use crate::testing::Random;
 
+    fn codes(bits: u8) -> core::ops::Range<i32> {
+        let half = 1 << (bits - 1);
+        -half..half
+    }
+
     #[test]
     fn every_code_is_the_nearest_to_its_own_value() {
         for bits in 1..=10 {
@@ -111,13 +97,13 @@ mod tests {
                     assert!(bits < 3 && low == i32::MIN);
                     continue;
                 };
-                for code in 0..1 << bits {
-                    let value = i64::from(low)
-                        + i64::from(code) * i64::from(grid.step())
-                        + i64::from(grid.step() / 2);
-                    if value <= i64::from(i32::MAX) {
-                        assert_eq!(i64::from(grid.value(code)), value);
-                        assert_eq!(grid.code(grid.value(code), bits), code);
+                for code in codes(bits) {
+                    let above = i64::from(code) + (1 << (bits - 1));
+                    let value = i64::from(low) + above * i64::from(grid.step()) + i64::from(grid.step() / 2);
+                    let difference = Uniform.difference(code, &mut grid.step(), bits);
+                    assert_eq!(grid.middle(bits).wrapping_add(difference), value as i32);
+                    if i64::from(difference) == i64::from(code) * i64::from(grid.step()) {
+                        assert_eq!(Uniform.nearest(difference, grid.step(), bits), code);
                     }
                 }
             }
@@ -136,9 +122,13 @@ mod tests {
             assert!(f64::from(grid.step()) <= ideal * (1.0 + 2f64.powi(-13)) + 1.0, "{grid:?} {ideal}");
             let value =
                 low.wrapping_add((random.next() % (low.abs_diff(high).saturating_add(1)).max(1)) as i32);
-            let found = i64::from(grid.value(grid.code(value, bits)));
-            // Values in the last half step may wrap at the end of all words.
-            if found >= i64::from(low) {
+            let middle = grid.middle(bits);
+            let Some(difference) = value.checked_sub(middle) else { continue };
+            let mut step = grid.step();
+            let code = Uniform.nearest(difference, step, bits);
+            let found = i64::from(middle) + i64::from(Uniform.difference(code, &mut step, bits));
+            // Differences of half of all words wrap.
+            if i32::try_from(i64::from(code) * i64::from(step)).is_ok() {
                 let error = (found - i64::from(value)).abs();
                 assert!(2 * error <= i64::from(grid.step()) + 1, "{grid:?} {value} {found}");
             }
@@ -148,7 +138,8 @@ mod tests {
     #[test]
     fn values_outside_get_the_nearest_level() {
         let grid = Grid::covering(0, 255, 4).unwrap();
-        assert_eq!((grid.code(-1000, 4), grid.code(1000, 4)), (0, 15));
+        let code = |value: i32| Uniform.nearest(value - grid.middle(4), grid.step(), 4);
+        assert_eq!((code(-1000), code(1000)), (-8, 7));
         assert_eq!(Grid::covering(1, 0, 4), None);
         assert_eq!(Grid::covering(0, 1, 0), None);
         assert_eq!(Grid::covering(0, 1, 17), None);
@@ -156,21 +147,20 @@ mod tests {
 
     #[test]
     fn differences_are_whole_steps() {
-        for step in 0..=crate::quantise::step::MAX_STEP {
+        for index in 0..=crate::quantise::step::MAX_STEP {
+            let step = size(index);
             for bits in 1..=8 {
-                let mut cell = Cell { step, bits };
-                for symbol in 0..cell.symbols() {
-                    let exact = i64::from(size(step)) * i64::from(signed(symbol));
-                    let difference = Uniform.difference(symbol, &mut cell);
+                for code in codes(bits) {
+                    let exact = i64::from(step) * i64::from(code);
+                    let difference = Uniform.difference(code, &mut { step }, bits);
                     assert_eq!(difference, exact as i32, "wraps");
                     if i64::from(difference) == exact {
-                        assert_eq!(Uniform.nearest(difference, &cell), symbol);
+                        assert_eq!(Uniform.nearest(difference, step, bits), code);
                     }
                 }
             }
         }
-        let cell = Cell { step: 100, bits: 4 };
-        assert_eq!([i32::MIN, i32::MAX].map(|far| Uniform.nearest(far, &cell)), [15, 14]);
-        assert_eq!(Uniform.nearest(1 << 20, &Cell { step: 0, bits: 0 }), 0);
+        assert_eq!([i32::MIN, i32::MAX].map(|far| Uniform.nearest(far, size(100), 4)), [-8, 7]);
+        assert_eq!(Uniform.nearest(1 << 20, 0, 0), 0);
     }
 }

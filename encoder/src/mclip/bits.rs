@@ -21,6 +21,16 @@ impl BitWriter {
         }
     }
 
+    /// Appends a number in two's complement of `count` bits.
+    pub fn put_signed(&mut self, value: i32, count: u32) {
+        self.put(value.cast_unsigned(), count);
+    }
+
+    /// Appends zeros up to a whole byte.
+    pub const fn align(&mut self) {
+        self.length = self.length.next_multiple_of(8);
+    }
+
     /// Appends all of `other`.
     pub fn append(&mut self, other: &Self) {
         for (index, &byte) in other.bytes.iter().enumerate() {
@@ -60,6 +70,10 @@ mod tests {
         for count in 0..=16u32 {
             assert_eq!(reader.take(count), 0x1_5555 & ((1 << count) - 1));
         }
-        assert!(!reader.overrun() && all.take().is_empty());
+        all.put_signed(-3, 5);
+        all.align();
+        all.put_signed(-1, 1);
+        assert!(!reader.overrun());
+        assert_eq!(all.take(), [0b1110_1000, 0b1000_0000]);
     }
 }

@@ -6,7 +6,7 @@
 
 use super::plan::{Choice, Column, step_index};
 use super::run::Coded;
-use decoder_core::predict::ONE;
+use decoder_core::arithmetic::unsigned;
 use decoder_core::quantise::step::size;
 
 /// Rounds of Lloyd's iteration from each start.
@@ -26,7 +26,7 @@ pub(super) fn choices(columns: &[Column], steps: &[f64], bits: u8) -> Vec<Choice
     let choice = |(column, step): (&Column, &f64)| Choice {
         bits: if column.low == column.high { 0 } else { bits },
         step: step_index(step * scale),
-        coefficients: [ONE, 0],
+        coefficients: [0, 0],
     };
     columns.iter().zip(steps).map(choice).collect()
 }
@@ -55,7 +55,8 @@ pub(super) fn fit(columns: &[Column], choices: &[Choice], bits: u8, run: impl Fn
             let mut sums = vec![(0.0, 0.0); count];
             let mut error = 0.0;
             let steps = active.iter().map(|(_, step)| step).cycle();
-            for ((&symbol, &wanted), step) in coded.symbols.iter().zip(&coded.wanted).zip(steps) {
+            for ((&code, &wanted), step) in coded.codes.iter().zip(&coded.wanted).zip(steps) {
+                let symbol = unsigned(code);
                 let wanted = f64::from(wanted) / step * UNIT;
                 let (sum, count) = &mut sums[symbol as usize];
                 *sum += wanted;

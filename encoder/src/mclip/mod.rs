@@ -150,13 +150,16 @@ impl<'m> Encoder<'m> {
 
     /// Encodes with these settings, in the smallest entropy stage unless one is given.
     pub fn encode(&self, settings: &Settings, quality: Quality) -> Vec<u8> {
-        let (levels, choices) = match quality {
+        let (levels, mut choices) = match quality {
             Quality::Bits(bits) => self.by_bits(settings, bits),
             Quality::Step(cm) => {
                 let parameters = plan::parameters(settings, &[]);
                 (Vec::new(), plan::by_steps(&self.columns, settings, &parameters, &self.steps(cm)))
             }
         };
+        if settings.entropy == Some(EntropyId::FixedWidth) {
+            plan::level(&mut choices);
+        }
         // Rounding towards zero saves bits only where an entropy stage counts them.
         let dead = if matches!(quality, Quality::Step(_)) { settings.dead } else { 0 };
         let parameters = plan::parameters(settings, &levels);
@@ -352,6 +355,22 @@ mod tests {
             let encoded = encoder.encode_to(&settings, Target::Rate(8_000.0), &evaluator);
             let rate = encoder.rate(&encoded.bytes);
             assert!((7_700.0..=8_000.0).contains(&rate), "{codec:?}: {rate} bits a second");
+        }
+    }
+
+    #[test]
+    fn a_channel_is_tried_as_the_clip_will_have_it() {
+        let clip = sample::clip();
+        let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
+        let settings = Settings { dead: 0, ..Settings::new(CodecId::Adpcm) };
+        let parameters = plan::parameters(&settings, &[]);
+        let choices = plan::by_bits(&encoder.columns, &settings, &parameters, 6);
+        let coded = encoder.plan(&settings, &parameters, &choices).run(&encoder.source.targets);
+        let channels = encoder.source.channels;
+        for (index, (column, &choice)) in encoder.columns.iter().zip(&choices).enumerate() {
+            let alone = column.run(&settings, &parameters, choice);
+            let there: Vec<i32> = coded.decoded.iter().skip(index).step_by(channels).copied().collect();
+            assert_eq!(alone.decoded, there, "channel {index}");
         }
     }
 

@@ -3,8 +3,9 @@
 use super::run::{Coded, Plan};
 use super::{Predictor, Settings};
 use crate::qmd::Source;
+use decoder_core::entropy::fixed_width::OCTET;
 use decoder_core::mclip::{Adaptation, Adpcm, Channel, CodecId, EntropyId, Opening};
-use decoder_core::predict::ONE;
+use decoder_core::predict::fixed::{LEAK_ONE, MOMENTUM_ONE};
 use decoder_core::quantise::adaptive::CLASSES;
 use decoder_core::quantise::step::{MAX_STEP, size};
 use decoder_core::quantise::{Adaptive, Grid, MAX_BITS};
@@ -29,7 +30,7 @@ pub(super) fn parameters(settings: &Settings, levels: &[u8]) -> Vec<u8> {
             _ => 2,
         }],
         CodecId::Adpcm => {
-            let multipliers = if settings.adapt_step { settings.multipliers } else { [0; CLASSES] };
+            let multipliers = if settings.adapt_step { classes(settings.multipliers) } else { [0; CLASSES] };
             let predictor = match settings.predictor {
                 Predictor::Adaptive { window, period } => Some(Adaptation { window, period }),
                 _ => None,
@@ -37,6 +38,11 @@ pub(super) fn parameters(settings: &Settings, levels: &[u8]) -> Vec<u8> {
             Adpcm { quantiser: Adaptive { multipliers, low: 0, high: MAX_STEP }, predictor }.bytes().to_vec()
         }
     }
+}
+
+/// The multipliers of codes' first four bits, from those of magnitudes 0 to 7: codes of four bits, of which −8 counts as 7.
+fn classes(of_magnitudes: [i8; 8]) -> [i8; CLASSES] {
+    std::array::from_fn(|class| of_magnitudes[if class < 8 { class } else { (16 - class).min(7) }])
 }
 
 /// Decision levels of the mu-law (7-5, by the inverse law) for codes of `bits` bits.
@@ -51,8 +57,21 @@ pub(super) fn step_index(words: f64) -> u8 {
     (8.0 * (words.max(8.0) / 8.0).log2()).round().clamp(0.0, f64::from(MAX_STEP)) as u8
 }
 
+/// Gives channels at rest codes too, where all others of their octet have codes of one width: a decoder takes the codes of
+/// equal octets several times as fast.
+pub(super) fn level(choices: &mut [Choice]) {
+    for octet in choices.chunks_exact_mut(OCTET) {
+        let width = octet.iter().map(|choice| choice.bits).max().unwrap_or(0);
+        if octet.iter().all(|choice| choice.bits == 0 || choice.bits == width) {
+            octet.iter_mut().for_each(|choice| choice.bits = width);
+        }
+    }
+}
+
 /// One channel of a motion.
 pub(super) struct Column {
+    /// Its place among the channels.
+    pub index: usize,
     pub targets: Vec<i32>,
     pub low: i32,
     pub high: i32,
@@ -68,7 +87,7 @@ impl Column {
                 let targets = column(channel);
                 let low = targets.iter().copied().min().unwrap_or(0);
                 let high = targets.iter().copied().max().unwrap_or(0);
-                Self { targets, low, high }
+                Self { index: channel, targets, low, high }
             })
             .collect()
     }
@@ -101,6 +120,29 @@ impl Column {
             };
         }
         channel
+    }
+
+    /// What the decoder makes of this channel alone.
+    ///
+    /// A predictor that adapts does so on frames that depend on the channel's place, so channels at rest stand before
+    /// this one: otherwise a code may be wider in the clip than it was here, and would be cut off.
+    pub fn run(&self, settings: &Settings, parameters: &[u8], choice: Choice) -> Coded {
+        let before = match settings.predictor {
+            Predictor::Adaptive { period, .. } => self.index % (1 << period),
+            _ => 0,
+        };
+        let rest = Self { index: 0, targets: Vec::new(), low: 0, high: 0 };
+        let still = Choice { bits: 0, step: 0, coefficients: [0, 0] };
+        let mut plan = self.plan(settings, parameters, choice);
+        plan.opening.channels += before as u16;
+        plan.channels.splice(..0, (0..before).map(|_| rest.record(settings.codec, "", 0, still)));
+        let mut targets = vec![0; self.targets.len() * (before + 1)];
+        for (row, &target) in targets.chunks_exact_mut(before + 1).zip(&self.targets) {
+            row[before] = target;
+        }
+        let mut coded = plan.run(&targets);
+        coded.decoded = coded.decoded.into_iter().skip(before).step_by(before + 1).collect();
+        coded
     }
 
     /// A plan for this channel alone.
@@ -139,36 +181,36 @@ impl Column {
 
 /// Coefficients of the fixed predictors that are tried for a channel.
 fn candidates(predictor: Predictor, column: &Column) -> Vec<[i16; 2]> {
-    let q14 = |value: f64| (value * f64::from(ONE)).round().clamp(-32768.0, 32767.0) as i16;
     match predictor {
-        Predictor::Last | Predictor::Adaptive { .. } => vec![[ONE, 0]],
+        Predictor::Last | Predictor::Adaptive { .. } => vec![[0, 0]],
         Predictor::First => {
             // R(1)/R(0) (7-14).
             let x: Vec<f64> = column.targets.iter().map(|&word| f64::from(word)).collect();
             let r0: f64 = x.iter().map(|x| x * x).sum();
             let r1: f64 = x.windows(2).map(|pair| pair[0] * pair[1]).sum();
-            vec![[ONE, 0], [q14(if r0 > 0.0 { (r1 / r0).clamp(-1.0, 1.0) } else { 1.0 }), 0]]
+            let leak = if r0 > 0.0 { (1.0 - r1 / r0) * f64::from(LEAK_ONE) } else { 0.0 };
+            vec![[0, 0], [leak.round().clamp(0.0, 32767.0) as i16, 0]]
         }
         // The last value and a part of the last movement.
         Predictor::Second => [0.0, 0.2, 0.4, 0.55, 0.7, 0.8, 0.9, 1.0]
             .iter()
-            .map(|&part| [q14(1.0 + part), q14(-part)])
+            .map(|&part: &f64| [(part * f64::from(MOMENTUM_ONE)).round() as i16, 0])
             .collect(),
     }
 }
 
-/// Bits of the symbols by their own frequencies.
-fn entropy(symbols: &[u32]) -> f64 {
-    let mut sorted = symbols.to_vec();
+/// Bits of the codes by their own frequencies.
+fn entropy(codes: &[i32]) -> f64 {
+    let mut sorted = codes.to_vec();
     sorted.sort_unstable();
-    let total = symbols.len() as f64;
+    let total = codes.len() as f64;
     sorted.chunk_by(|a, b| a == b).map(|run| run.len() as f64 * (total / run.len() as f64).log2()).sum()
 }
 
-/// Bits that hold the largest of the symbols, at least 1.
-fn bits_for(symbols: &[u32]) -> u8 {
-    let largest = symbols.iter().copied().max().unwrap_or(0);
-    (32 - largest.leading_zeros()).max(1) as u8
+/// Bits that hold all of the codes, at least 1.
+fn bits_for(codes: &[i32]) -> u8 {
+    let largest = codes.iter().map(|&code| code ^ (code >> 31)).max().unwrap_or(0);
+    (33 - largest.leading_zeros()) as u8
 }
 
 /// The best choice for every channel whose step is given, in words: the predictor with the fewest bits.
@@ -181,7 +223,7 @@ pub(super) fn by_steps(
     let choose = |(column, &step): (&Column, &f64)| {
         // A step about as wide as the range says no more than no code does.
         if column.half_range() <= step / 2.0 {
-            return Choice { bits: 0, step: step_index(step), coefficients: [ONE, 0] };
+            return Choice { bits: 0, step: step_index(step), coefficients: [0, 0] };
         }
         if settings.codec == CodecId::Pcm {
             let range = 2.0 * column.half_range();
@@ -190,8 +232,8 @@ pub(super) fn by_steps(
         }
         let tried = candidates(settings.predictor, column).into_iter().map(|coefficients| {
             let choice = Choice { bits: MAX_BITS, step: step_index(step), coefficients };
-            let coded = column.plan(settings, parameters, choice).run(&column.targets);
-            (entropy(&coded.symbols), Choice { bits: bits_for(&coded.symbols), ..choice })
+            let coded = column.run(settings, parameters, choice);
+            (entropy(&coded.codes), Choice { bits: bits_for(&coded.codes), ..choice })
         });
         match tried.min_by(|a, b| a.0.total_cmp(&b.0)) {
             Some((_, choice)) => choice,
@@ -204,7 +246,7 @@ pub(super) fn by_steps(
 /// The best choice for every channel whose bits are given: the step and predictor with the least error.
 pub(super) fn by_bits(columns: &[Column], settings: &Settings, parameters: &[u8], bits: u8) -> Vec<Choice> {
     let choose = |column: &Column| {
-        let rest = Choice { bits: 0, step: 0, coefficients: [ONE, 0] };
+        let rest = Choice { bits: 0, step: 0, coefficients: [0, 0] };
         if column.low == column.high {
             return rest;
         }
@@ -218,7 +260,7 @@ pub(super) fn by_bits(columns: &[Column], settings: &Settings, parameters: &[u8]
         let mut attempt = |step: u8| {
             for &coefficients in &candidates {
                 let choice = Choice { bits, step, coefficients };
-                let coded = column.plan(settings, parameters, choice).run(&column.targets);
+                let coded = column.run(settings, parameters, choice);
                 let error = column.squared_error(&coded);
                 if error < best.0 {
                     best = (error, choice);

@@ -1,13 +1,11 @@
 //! Static Huffman tables: the best code lengths under a limit, and how a header describes them.
 
-use decoder_core::entropy::Context;
-use decoder_core::entropy::huffman::{activity, class};
-
-/// Bits of an index: codes are no longer. Eight keep a table at 512 bytes.
-pub(super) const INDEX_BITS: u8 = 8;
+use super::bits::BitWriter;
+use decoder_core::arithmetic::{signed, unsigned};
+use decoder_core::entropy::huffman::{INDEX_BITS, Shape};
 
 /// Numbers of classes to choose from.
-pub(super) const CLASS_COUNTS: [u8; 4] = [1, 3, 6, 8];
+pub(super) const CLASS_COUNTS: [u8; 4] = [1, 3, 5, 8];
 
 /// A code book of one table.
 #[derive(Clone, Debug)]
@@ -23,20 +21,20 @@ pub(super) struct Book {
 /// Books for every class, and their description.
 #[derive(Clone, Debug)]
 pub(super) struct Books {
-    classes: u8,
+    shape: Shape,
     books: Vec<Book>,
     pub bytes: Vec<u8>,
 }
 
 impl Books {
-    /// The best books with so many classes for sequences of symbols, each with its width and class of eight.
-    pub fn fit(symbols: &[(u32, u8, u8)], classes: u8) -> Self {
+    /// The best books with so many classes for sequences of codes, each with its width and class.
+    pub fn fit(codes: &[(i32, u8, u8)], classes: u8) -> Self {
         let mut counts = vec![vec![0u64; 255]; usize::from(classes)];
         // Widths of what escapes.
         let mut far = vec![(0u64, 0u64); usize::from(classes)];
-        for &(symbol, width, class) in symbols {
-            let class = usize::from(class.min(classes - 1));
-            match counts[class].get_mut(symbol as usize) {
+        for &(code, width, class) in codes {
+            let class = usize::from(class);
+            match counts[class].get_mut(unsigned(code) as usize) {
                 Some(count) => *count += 1,
                 None => {
                     far[class].0 += 1;
@@ -44,19 +42,18 @@ impl Books {
                 }
             }
         }
-        let width = symbols.iter().map(|&(_, width, _)| width).max().unwrap_or(1);
+        let width = codes.iter().map(|&(_, width, _)| width).max().unwrap_or(1);
         let books: Vec<Book> =
             counts.iter().zip(far).map(|(counts, (far, _))| Book::fit(counts, far, width)).collect();
-        let mut bytes = vec![INDEX_BITS, classes, 1];
+        let mut bytes = vec![classes, 1];
         books.iter().for_each(|book| book.describe(&mut bytes));
-        Self { classes, books, bytes }
+        Self { shape: Shape { classes, groups: 1 }, books, bytes }
     }
 
-    /// Tells `put` the bits of a symbol and counts its activity.
-    pub fn write(&self, symbol: u32, width: u8, context: &mut Context, put: &mut impl FnMut(u32, u32)) {
-        let class = class(context.activity).min(usize::from(self.classes) - 1);
-        self.books[class].write(symbol, width, put);
-        context.activity = activity(context.activity, symbol);
+    /// Writes a code of a channel whose next table is `table`.
+    pub fn write(&self, code: i32, width: u8, table: &mut u8, out: &mut BitWriter) {
+        self.books[usize::from(*table)].write(code, width, out);
+        *table = self.shape.next_table(*table, code);
     }
 }
 
@@ -104,16 +101,16 @@ impl Book {
         bytes.extend(self.codes.chunks(2).map(|pair| pair[0].0 | pair.get(1).map_or(0, |code| code.0 << 4)));
     }
 
-    fn write(&self, symbol: u32, width: u8, put: &mut impl FnMut(u32, u32)) {
-        if self.only == Some(symbol) {
+    fn write(&self, code: i32, width: u8, out: &mut BitWriter) {
+        if self.only.is_some_and(|only| signed(only) == code) {
             return;
         }
-        match self.codes[..self.escape].get(symbol as usize) {
-            Some(&(length, code)) if length > 0 => put(code.into(), length.into()),
+        match self.codes[..self.escape].get(unsigned(code) as usize) {
+            Some(&(length, prefix)) if length > 0 => out.put(prefix.into(), length.into()),
             _ => {
-                let (length, code) = self.codes[self.escape];
-                put(code.into(), length.into());
-                put(symbol, width.into());
+                let (length, prefix) = self.codes[self.escape];
+                out.put(prefix.into(), length.into());
+                out.put_signed(code, width.into());
             }
         }
     }

@@ -1,9 +1,9 @@
-//! The decoder's own loop, with symbols that are chosen to come close to a motion.
+//! The decoder's own loop, with codes that are chosen to come close to a motion.
 
 use super::{Lent, writer};
 use decoder_core::Limits;
 use decoder_core::mclip::{Channel, Choose, Engine, Header, Opening, State};
-use decoder_core::quantise::{Quantise, step};
+use decoder_core::quantise::Quantise;
 
 /// What a decoder will do: how its header begins, and the channels.
 #[derive(Clone, Debug)]
@@ -13,18 +13,18 @@ pub(super) struct Plan<'p> {
     /// Frames from one entry point to the next.
     pub entry_frames: usize,
     /// How much smaller than half a step a difference counts, in 64ths of a step: rounding towards zero makes
-    /// symbols smaller, and costs little where a step is coarse.
+    /// codes smaller, and costs little where a step is coarse.
     pub dead: i32,
 }
 
-/// The symbols of a motion, and what a decoder makes of them.
+/// The codes of a motion, and what a decoder makes of them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Coded {
     /// For each entry point, the values that it starts with and their bits.
     pub entries: Vec<Vec<(u32, u32)>>,
-    /// Symbols of all frames but those of entry points (pcm: of all frames), channels without bits left out.
-    pub symbols: Vec<u32>,
-    /// For every symbol, the difference that it is to come near to.
+    /// Codes of all frames but those of entry points (pcm: of all frames), channels without bits left out.
+    pub codes: Vec<i32>,
+    /// For every code, the difference that it is to come near to.
     pub wanted: Vec<i32>,
     /// The decoded words, row-major.
     pub decoded: Vec<i32>,
@@ -59,7 +59,7 @@ impl Plan<'_> {
                 targets: row,
                 dead: self.dead,
                 values: Vec::new(),
-                symbols: &mut coded.symbols,
+                codes: &mut coded.codes,
                 wanted: &mut coded.wanted,
             };
             let pose = engine.choose(&mut nearest, entry);
@@ -73,17 +73,23 @@ impl Plan<'_> {
     }
 }
 
-/// Chooses the symbol nearest to a target.
+/// Chooses the code nearest to a target.
 struct Nearest<'n> {
     targets: &'n [i32],
     dead: i32,
     values: Vec<(u32, u32)>,
-    symbols: &'n mut Vec<u32>,
+    codes: &'n mut Vec<i32>,
     wanted: &'n mut Vec<i32>,
 }
 
 impl Choose for Nearest<'_> {
-    fn entry(&mut self, channel: usize, low: i32, shift: u8, bits: u32) -> u32 {
+    type Running = ();
+
+    fn begin(&self) {}
+
+    fn end(&mut self, (): ()) {}
+
+    fn entry(&mut self, (): &mut (), channel: usize, low: i32, shift: u8, bits: u32) -> u32 {
         let above = i64::from(self.targets[channel]) - i64::from(low);
         let most = (1i64 << bits) - 1;
         let rounded = (above + ((1 << shift) >> 1)) >> shift;
@@ -92,21 +98,25 @@ impl Choose for Nearest<'_> {
         value
     }
 
-    fn symbol<Q: Quantise>(
+    fn code<Q: Quantise>(
         &mut self,
+        (): &mut (),
         channel: usize,
         predicted: i32,
         quantiser: &Q,
         state: &mut State,
-    ) -> u32 {
+    ) -> Option<i32> {
+        if state.bits() == 0 {
+            return None;
+        }
         let mut difference = self.targets[channel].wrapping_sub(predicted);
         self.wanted.push(difference);
         if self.dead > 0 {
-            let by = (i64::from(step::size(state.cell().step)) * i64::from(self.dead) / 64) as i32;
+            let by = (i64::from(quantiser.size(state.step())) * i64::from(self.dead) / 64) as i32;
             difference -= difference.signum() * by.min(difference.saturating_abs());
         }
-        let symbol = quantiser.nearest(difference, state.cell());
-        self.symbols.push(symbol);
-        symbol
+        let code = quantiser.nearest(difference, state.step(), state.bits());
+        self.codes.push(code);
+        Some(code)
     }
 }

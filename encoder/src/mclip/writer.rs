@@ -4,8 +4,10 @@ use super::bits::BitWriter;
 use super::prefix::{Books, CLASS_COUNTS};
 use super::run::{Coded, Plan};
 use decoder_core::Limits;
-use decoder_core::entropy::huffman::{activity, class};
-use decoder_core::entropy::{AdaptiveHuffman, Context};
+use decoder_core::arithmetic::unsigned;
+use decoder_core::entropy::AdaptiveHuffman;
+use decoder_core::entropy::fixed_width::OCTET;
+use decoder_core::entropy::huffman::Shape;
 use decoder_core::mclip::{BlockHeader, Channel, EntropyId, Header, MAGIC, Opening, VERSION, checksum};
 
 /// Prefix, header and checksum. The memory that a decoder needs is filled in.
@@ -36,7 +38,7 @@ fn append(bytes: &mut Vec<u8>, value: &impl serde::Serialize) {
     }
 }
 
-/// Symbols on their way to bits.
+/// Codes on their way to bits.
 enum Coder<'c> {
     FixedWidth,
     Huffman(&'c Books),
@@ -44,18 +46,17 @@ enum Coder<'c> {
 }
 
 impl Coder<'_> {
-    fn write(&mut self, symbol: u32, width: u8, context: &mut Context, out: &mut BitWriter) {
+    /// Writes a code of a channel whose context is the number of its table.
+    fn write(&mut self, code: i32, width: u8, context: &mut u8, out: &mut BitWriter) {
         match self {
-            Self::FixedWidth => out.put(symbol, width.into()),
-            Self::Huffman(books) => {
-                books.write(symbol, width, context, &mut |value, count| out.put(value, count));
-            }
+            Self::FixedWidth => out.put_signed(code, width.into()),
+            Self::Huffman(books) => books.write(code, width, context, out),
             Self::Adaptive(tree) => {
-                let coded = symbol.min(tree.escape());
-                let (code, length) = tree.code(coded);
-                out.put(code, length);
+                let coded = unsigned(code).min(tree.escape());
+                let (prefix, length) = tree.code(coded);
+                out.put(prefix, length);
                 if coded == tree.escape() {
-                    out.put(symbol, width.into());
+                    out.put_signed(code, width.into());
                 }
                 tree.count(coded);
             }
@@ -63,14 +64,13 @@ impl Coder<'_> {
     }
 }
 
-/// The clip that has these symbols, with the entropy stage's best tables.
+/// The clip that has these codes, with the entropy stage's best tables.
 pub(super) fn write(plan: &Plan<'_>, coded: &Coded, entropy: EntropyId) -> Vec<u8> {
     match entropy {
         EntropyId::FixedWidth => assemble_clip(plan, coded, entropy, &[], &mut Coder::FixedWidth),
         EntropyId::Huffman => {
-            let symbols = contexts(plan, coded);
             let clips = CLASS_COUNTS.iter().map(|&classes| {
-                let books = Books::fit(&symbols, classes);
+                let books = Books::fit(&contexts(plan, coded, classes), classes);
                 assemble_clip(plan, coded, entropy, &books.bytes, &mut Coder::Huffman(&books))
             });
             clips.min_by_key(Vec::len).unwrap_or_default()
@@ -88,19 +88,19 @@ pub(super) fn write(plan: &Plan<'_>, coded: &Coded, entropy: EntropyId) -> Vec<u
     }
 }
 
-/// Every symbol with its width and class, in order.
-fn contexts(plan: &Plan<'_>, coded: &Coded) -> Vec<(u32, u8, u8)> {
-    let mut out = Vec::with_capacity(coded.symbols.len());
-    let mut activities = vec![0; plan.channels.len()];
-    walk(plan, coded, |_, symbols| {
-        let Frame::Symbols(symbols) = symbols else {
-            activities.fill(0);
+/// Every code with its width and the table of so many that it is read with, in order.
+fn contexts(plan: &Plan<'_>, coded: &Coded, classes: u8) -> Vec<(i32, u8, u8)> {
+    let shape = Shape { classes, groups: 1 };
+    let mut out = Vec::with_capacity(coded.codes.len());
+    let mut tables = vec![0; plan.channels.len()];
+    walk(plan, coded, |_, part| {
+        let Frame::Codes(codes) = part else {
+            tables.fill(0);
             return;
         };
-        for (&symbol, (channel, bits)) in symbols.iter().zip(active(plan)) {
-            let activity_before = activities[channel];
-            out.push((symbol, bits, class(activity_before) as u8));
-            activities[channel] = activity(activity_before, symbol);
+        for (&code, (channel, bits)) in codes.iter().zip(active(plan)) {
+            out.push((code, bits, tables[channel]));
+            tables[channel] = shape.next_table(tables[channel], code);
         }
     });
     out
@@ -116,15 +116,15 @@ fn active<'p>(plan: &'p Plan<'_>) -> impl Iterator<Item = (usize, u8)> + 'p {
 enum Frame<'c> {
     /// An entry point begins, with these values.
     Entry(&'c [(u32, u32)]),
-    /// The symbols of a frame.
-    Symbols(&'c [u32]),
+    /// The codes of a frame.
+    Codes(&'c [i32]),
 }
 
 /// Goes through all frames: the frame's number, and its parts.
 fn walk(plan: &Plan<'_>, coded: &Coded, mut visit: impl FnMut(usize, Frame<'_>)) {
     let has_values = plan.opening.codec != decoder_core::mclip::CodecId::Pcm.id();
     let count = active(plan).count();
-    let mut symbols = coded.symbols.as_slice();
+    let mut codes = coded.codes.as_slice();
     let mut entries = coded.entries.iter();
     for frame in 0..plan.opening.frames as usize {
         if plan.is_entry(frame) {
@@ -133,9 +133,9 @@ fn walk(plan: &Plan<'_>, coded: &Coded, mut visit: impl FnMut(usize, Frame<'_>))
                 continue;
             }
         }
-        let (now, later) = symbols.split_at(count);
-        symbols = later;
-        visit(frame, Frame::Symbols(now));
+        let (now, later) = codes.split_at(count);
+        codes = later;
+        visit(frame, Frame::Codes(now));
     }
 }
 
@@ -172,7 +172,7 @@ fn assemble_clip(
 ) -> Vec<u8> {
     let most = usize::from(plan.opening.block_bytes);
     let mut frames: Vec<(bool, BitWriter)> = Vec::new();
-    let mut contexts = vec![Context::default(); plan.channels.len()];
+    let mut contexts = vec![0; plan.channels.len()];
     walk(plan, coded, |frame, part| {
         if frames.len() == frame {
             frames.push((plan.is_entry(frame), BitWriter::default()));
@@ -181,14 +181,28 @@ fn assemble_clip(
         match part {
             Frame::Entry(values) => {
                 values.iter().for_each(|&(value, bits)| out.put(value, bits));
-                contexts.fill(Context::default());
-                if let Coder::Adaptive(tree) = coder {
-                    tree.reset();
+                contexts.fill(0);
+                match coder {
+                    Coder::FixedWidth => out.align(),
+                    Coder::Huffman(_) => {}
+                    Coder::Adaptive(tree) => tree.reset(),
                 }
             }
-            Frame::Symbols(symbols) => {
-                for (&symbol, (channel, bits)) in symbols.iter().zip(active(plan)) {
-                    coder.write(symbol, bits, &mut contexts[channel], out);
+            Frame::Codes(codes) => {
+                let mut codes = codes.iter();
+                let channels = plan.channels.iter().zip(&mut contexts).enumerate();
+                for (number, (channel, context)) in channels {
+                    if number % OCTET == 0 && matches!(coder, Coder::FixedWidth) {
+                        out.align();
+                    }
+                    if channel.bits > 0
+                        && let Some(&code) = codes.next()
+                    {
+                        coder.write(code, channel.bits, context, out);
+                    }
+                }
+                if matches!(coder, Coder::FixedWidth) {
+                    out.align();
                 }
             }
         }

@@ -1,11 +1,12 @@
 //! Puts the clip and the joint map into the image, and names the linker scripts.
 //!
-//! - `BUNRAKU_CLIP`: path of a .qmd, absolute or from this folder
+//! - `BUNRAKU_CLIP`: path of a .qmd or .mclip, absolute or from this folder
 //! - `BUNRAKU_MAP`: path of a joint map as postcard bytes (`bunraku play --on qemu` makes it from a puppet.toml)
 //! - `BUNRAKU_CENTIHERTZ`: the rate to play at instead of the clip's own, in hundredths of a hertz
 //!
 //! Without the first two the image plays the embedded sample on puppets/sample.toml.
 
+use decoder_core::{Limits, mclip};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
@@ -19,7 +20,13 @@ fn main() {
         (None, None) => sample(),
         _ => panic!("set both BUNRAKU_CLIP and BUNRAKU_MAP, or neither"),
     };
-    for (name, bytes) in [("clip.qmd", clip), ("map.postcard", map)] {
+    println!("cargo:rustc-check-cfg=cfg(mclip)");
+    let mut sizes = String::new();
+    if clip.starts_with(&mclip::MAGIC) {
+        println!("cargo:rustc-cfg=mclip");
+        sizes = self::sizes(&clip);
+    }
+    for (name, bytes) in [("clip", clip), ("map.postcard", map), ("sizes.rs", sizes.into_bytes())] {
         fs::write(out.join(name), bytes).unwrap_or_else(|error| panic!("cannot write {name}: {error}"));
     }
     println!("cargo:rerun-if-env-changed=BUNRAKU_CENTIHERTZ");
@@ -31,6 +38,15 @@ fn main() {
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
+}
+
+/// How much memory the decoder of a .mclip needs.
+fn sizes(clip: &[u8]) -> String {
+    let clip = mclip::Clip::parse(clip, Limits::MAX).unwrap_or_else(|error| panic!("BUNRAKU_CLIP: {error}"));
+    let needs = clip.header().needs();
+    [("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)]
+        .map(|(name, size)| format!("/// Elements that the decoder needs.\nconst {name}: usize = {size};\n"))
+        .concat()
 }
 
 fn path(variable: &str) -> Option<PathBuf> {

@@ -4,7 +4,7 @@ use super::input;
 use anyhow::{Context, Result};
 use clap::Subcommand;
 use host_sim::files;
-use host_sim::peers::{self, Entry, LEFT_OUT, Method};
+use host_sim::peers::{self, Entry, Method, PACKERS};
 use host_sim::thumb::Core;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsStr;
@@ -25,7 +25,7 @@ enum What {
     Peers(PeersArgs),
 }
 
-/// Compare QMD with int16 frames, as they are and packed by general compressors.
+/// Compare our codecs with int16 frames, as they are and packed by general compressors.
 ///
 /// The same motion is stored in every way, linked into a player, and played on a simulated Cortex-M0+ and Cortex-M4.
 /// Without a motion it takes the embedded sample.
@@ -59,6 +59,7 @@ fn peers(args: PeersArgs) -> Result<ExitCode> {
         None => ("embedded sample".to_owned(), encoder::sample::clip()),
     };
     let (frames, channels) = (clip.motion.frames(), clip.motion.channels);
+    let left_out: Vec<&str> = PACKERS.into_iter().filter_map(|packer| packer.left_out()).collect();
     let methods = Method::all(channels);
     let bar = ProgressBar::new(methods.len() as u64);
     bar.set_style(ProgressStyle::with_template("{spinner} {wide_bar} {pos} of {len}, {msg}")?);
@@ -78,11 +79,12 @@ fn peers(args: PeersArgs) -> Result<ExitCode> {
     }
     if args.json {
         let report = serde_json::json!({
-            "motion": name, "frames": frames, "channels": channels, "entries": entries, "left_out": LEFT_OUT,
+            "motion": name, "frames": frames, "channels": channels, "entries": entries, "left_out": left_out,
         });
         println!("{report:#}");
     } else {
         print(&name, frames, channels, &entries);
+        left_out.iter().for_each(|why| println!("{why}."));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -110,7 +112,7 @@ fn print(name: &str, frames: usize, channels: usize, entries: &[Entry]) {
     }
     println!(
         "\nint16: 0.01° a step, blocks of up to {} bytes unpacked at once. RAM is static and stack; flash is the\n\
-         decoder's, without the motion. {LEFT_OUT}.",
+         decoder's, without the motion.",
         peers::BLOCK_BYTES
     );
 }

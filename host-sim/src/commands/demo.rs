@@ -2,11 +2,10 @@
 
 use super::play::write_log;
 use anyhow::{Context, Result, bail};
-use decoder_core::Limits;
-use decoder_core::qmd::Clip;
 use encoder::export::amc::{self, Rotations};
 use encoder::qmd::{self, Method, Parameters};
 use encoder::{metrics, sample};
+use host_sim::clip::Clip;
 use host_sim::puppet::Puppet;
 use host_sim::{files, play};
 use std::fs;
@@ -51,7 +50,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     encode(folder, "faithful.qmd", "QMD, paper's encoder", &original, Method::FAITHFUL)?;
     let bytes = encode(folder, "walk.qmd", "QMD, ours", &original, Method::ClosedLoop)?;
 
-    let clip = Clip::parse(&bytes, Limits::MAX)?;
+    let clip = Clip::parse(Path::new("walk.qmd"), &bytes)?;
     let path = folder.join("puppet.toml");
     let map = Puppet::read(&path)?.map(&original.skeleton)?;
     let host = play::on_host(&clip, &map, 0)?;
@@ -59,7 +58,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     println!("\nThe player told {} virtual servos {} goal positions.", map.joints().len(), host.goals.len());
     if args.qemu {
         println!("Building the firmware, and playing on a Cortex-M4 in QEMU ...");
-        let board = play::on_qemu(&bytes, &map, 0, &mut |line| println!("  {line}"))?;
+        let board = play::on_qemu(&clip, &bytes, &map, 0, &mut |line| println!("  {line}"))?;
         write_log(&folder.join("cortex-m4.csv"), &board)?;
         if board != host {
             bail!(

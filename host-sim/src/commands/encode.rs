@@ -9,8 +9,11 @@ use encoder::mclip::{Encoder, Predictor, Settings, Target};
 use encoder::metrics::Evaluator;
 use encoder::qmd::{self, Parameters};
 use host_sim::files;
+use host_sim::within::{self, Goal, Limit};
+use indicatif::ProgressBar;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 /// Encode motion capture (AMC with its ASF, or BVH) into a clip.
 ///
@@ -18,7 +21,7 @@ use std::process::ExitCode;
 /// should come to: bits of a code, a mean joint error, or a rate; 0.1 cm unless given.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  bunraku encode 02_01.amc --skeleton 02.asf --codec qmd -o walk.qmd\n  bunraku encode 02_01.amc --skeleton 02.asf --codec dpcm --target-error 0.1 -o walk.mclip"
+    after_help = "Examples:\n  bunraku encode 02_01.amc --skeleton 02.asf --codec qmd -o walk.qmd\n  bunraku encode 02_01.amc --skeleton 02.asf --codec dpcm --target-error 0.1 -o walk.mclip\n  bunraku encode 02_01.amc --skeleton 02.asf --target-error 0.1 --max-cycles 12000@cortex-m0plus -o walk.mclip"
 )]
 pub struct Args {
     /// The motion: .amc or .bvh.
@@ -37,6 +40,10 @@ pub struct Args {
     /// Bits per second to stay within (.mclip).
     #[arg(long, value_name = "BITS_PER_S", value_parser = positive, conflicts_with_all = ["bits", "target_error"])]
     target_rate: Option<f64>,
+    /// Most cycles of a frame, of all: tries codecs, entropy stages and block sizes that are not given, counts the cycles of
+    /// each on a simulated core (cortex-m4 unless named), and keeps the best clip that is within (.mclip).
+    #[arg(long, value_name = "N[@CORE]")]
+    max_cycles: Option<Limit>,
     /// The entropy stage (.mclip); the smallest unless given.
     #[arg(long, value_enum)]
     entropy: Option<Entropy>,
@@ -46,9 +53,9 @@ pub struct Args {
     /// Frames from one entry point to the next (.mclip).
     #[arg(long, value_name = "FRAMES", default_value_t = 480, value_parser = clap::value_parser!(u32).range(1..))]
     entry: u32,
-    /// Longest block in bytes (.mclip): what a receiver has to hold.
-    #[arg(long, value_name = "BYTES", default_value_t = 1024)]
-    block: u16,
+    /// Longest block in bytes (.mclip): what a receiver has to hold; 1024 unless given.
+    #[arg(long, value_name = "BYTES")]
+    block: Option<u16>,
     #[command(flatten)]
     quality: Quality,
     /// Frames of a segment, each with a table of its own (QMD n_d); the whole clip unless given.
@@ -90,7 +97,7 @@ impl Codec {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Entropy {
+pub enum Entropy {
     /// Codes of fixed width.
     Fixed,
     /// Static Huffman codes.
@@ -100,7 +107,8 @@ enum Entropy {
 }
 
 impl Entropy {
-    const fn id(self) -> EntropyId {
+    /// As a header names it.
+    pub const fn id(self) -> EntropyId {
         match self {
             Self::Fixed => EntropyId::FixedWidth,
             Self::Huffman => EntropyId::Huffman,
@@ -133,6 +141,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let (name, output) = (codec.id().name(), args.output.display());
     if !in_blocks && codec != Codec::Qmd {
         usage(&format!("{output}: codec {name} needs a .mclip, for instance -o out.mclip"));
+    }
+    if !in_blocks && args.max_cycles.is_some() {
+        usage(&format!("{output}: --max-cycles needs a .mclip"));
     }
     if !in_blocks && (args.target_error.is_some() || args.target_rate.is_some()) {
         usage(&format!("{output}: a target needs a .mclip; for a .qmd there is bunraku optimize"));
@@ -179,7 +190,7 @@ fn settings(args: &Args, codec: Codec) -> Settings {
     Settings {
         entropy: args.entropy.map(Entropy::id),
         entry_frames: args.entry as usize,
-        block_bytes: args.block,
+        block_bytes: args.block.unwrap_or(standard.block_bytes),
         adapt_step: codec == Codec::Adpcm && args.adapt != Adapt::Predictor,
         predictor: if codec == Codec::Adpcm && args.adapt == Adapt::Step {
             Predictor::Second
@@ -198,14 +209,18 @@ fn usage(message: &str) -> ! {
 fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<Vec<u8>> {
     let settings = settings(args, codec);
     let encoder = Encoder::new(&clip.skeleton, &clip.motion)?;
-    if let Some(bits) = args.bits {
-        return Ok(encoder.encode(&settings, encoder::mclip::Quality::Bits(bits)));
-    }
+    let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
     let target = match args.target_rate {
         Some(rate) => Target::Rate(rate),
         None => Target::Error(args.target_error.unwrap_or(0.1)),
     };
-    let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
+    if let Some(limit) = args.max_cycles {
+        let goal = args.bits.map_or(Goal::Target(target), Goal::Bits);
+        return within(args, &settings, &encoder, &evaluator, goal, limit);
+    }
+    if let Some(bits) = args.bits {
+        return Ok(encoder.encode(&settings, encoder::mclip::Quality::Bits(bits)));
+    }
     let encoded = encoder.encode_to(&settings, target, &evaluator);
     let (name, rate) = (args.output.display(), encoder.rate(&encoded.bytes));
     match target {
@@ -223,4 +238,33 @@ fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<Vec<u8>> {
         _ => {}
     }
     Ok(encoded.bytes)
+}
+
+/// The best clip whose most expensive frame is within a limit.
+fn within(
+    args: &Args,
+    base: &Settings,
+    encoder: &Encoder<'_>,
+    evaluator: &Evaluator,
+    goal: Goal,
+    limit: Limit,
+) -> Result<Vec<u8>> {
+    let blocks = args.block.map_or(within::BLOCK_BYTES.to_vec(), |bytes| vec![bytes]);
+    let candidates =
+        within::candidates(base, args.codec.map(Codec::id), args.entropy.map(Entropy::id), &blocks);
+    let spinner = ProgressBar::new_spinner();
+    spinner.enable_steady_tick(Duration::from_millis(100));
+    let tell = &mut |what| spinner.set_message(what);
+    let found = within::best(encoder, evaluator, &candidates, goal, limit, tell);
+    spinner.finish_and_clear();
+    let found = found?;
+    eprintln!(
+        "{}: {}; a frame takes at most {} cycles on {}, {:.4} cm",
+        args.output.display(),
+        within::name(&found.settings),
+        found.cycles_max,
+        limit.core.name(),
+        found.encoded.mean_joint_cm
+    );
+    Ok(found.encoded.bytes)
 }

@@ -1,15 +1,12 @@
 //! `bunraku play`: a clip on a puppet of virtual servos.
 
-use super::input::is_mclip;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::ValueEnum;
-use decoder_core::Limits;
-use decoder_core::mclip;
-use decoder_core::qmd::Clip;
 use host_sim::board;
+use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::play::{self, Recording, seconds};
-use host_sim::puppet::{Map, Puppet};
+use host_sim::puppet::Puppet;
 use host_sim::thumb::Usage;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -23,7 +20,7 @@ use std::process::ExitCode;
     after_help = "Example:\n  bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on qemu --log walk.csv"
 )]
 pub struct Args {
-    /// The clip: .qmd, or with --on host .mclip.
+    /// The clip: .qmd or .mclip.
     clip: PathBuf,
     /// The puppet: which servo follows which channel.
     #[arg(long, value_name = "PUPPET.toml")]
@@ -59,7 +56,7 @@ enum On {
 pub fn run(args: Args) -> Result<ExitCode> {
     let bytes = files::read(&args.clip)?;
     let name = args.clip.display();
-    let clip = Playable::parse(&args.clip, &bytes)?;
+    let clip = Clip::parse(&args.clip, &bytes)?;
     let centihertz = args.fps.map_or(Ok(0), centihertz)?;
     if centihertz == 0 && clip.rate_centihertz() == 0 {
         bail!("{name} does not say its frame rate: give one with --fps");
@@ -77,14 +74,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
 
     let log = &mut |line: &str| eprintln!("{line}");
     let played = match args.on {
-        On::Host => clip.on_host(&map, centihertz).map(|recording| (recording, None)),
-        On::Qemu | On::Sim if matches!(clip, Playable::Mclip(_)) => {
-            bail!("{name} is a .mclip, expected a .qmd: boards play .qmd only so far; use --on host")
-        }
-        On::Qemu => play::on_qemu(&bytes, &map, centihertz, log).map(|recording| (recording, None)),
-        On::Sim => {
-            play::on_sim(&bytes, &map, centihertz, log).map(|(recording, usage)| (recording, Some(usage)))
-        }
+        On::Host => play::on_host(&clip, &map, centihertz).map(|recording| (recording, None)),
+        On::Qemu => play::on_qemu(&clip, &bytes, &map, centihertz, log).map(|recording| (recording, None)),
+        On::Sim => play::on_sim(&clip, &bytes, &map, centihertz, log)
+            .map(|(recording, usage)| (recording, Some(usage))),
     };
     let (recording, usage) = played.with_context(|| format!("cannot play {name}"))?;
     if let Some(log) = &args.log {
@@ -119,45 +112,6 @@ pub fn run(args: Args) -> Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// A clip of either kind.
-enum Playable<'a> {
-    Qmd(Clip<'a>),
-    Mclip(mclip::Clip<'a>),
-}
-
-impl<'a> Playable<'a> {
-    fn parse(path: &Path, bytes: &'a [u8]) -> Result<Self> {
-        let name = path.display();
-        if is_mclip(path) {
-            let clip = mclip::Clip::parse(bytes, Limits::MAX);
-            return Ok(Self::Mclip(clip.with_context(|| format!("{name} is not a sound mclip"))?));
-        }
-        let clip = Clip::parse(bytes, Limits::MAX);
-        Ok(Self::Qmd(clip.with_context(|| format!("{name} is not a QMD clip"))?))
-    }
-
-    fn rate_centihertz(&self) -> u16 {
-        match self {
-            Self::Qmd(clip) => clip.rate_centihertz(),
-            Self::Mclip(clip) => clip.header().rate_centihertz(),
-        }
-    }
-
-    fn channels(&self) -> usize {
-        match self {
-            Self::Qmd(clip) => clip.channels(),
-            Self::Mclip(clip) => clip.channels(),
-        }
-    }
-
-    fn on_host(&self, map: &Map, centihertz: u16) -> Result<Recording> {
-        match self {
-            Self::Qmd(clip) => play::on_host(clip, map, centihertz),
-            Self::Mclip(clip) => play::mclip_on_host(clip, map, centihertz),
-        }
-    }
 }
 
 /// The part of its cycles that a core was not asleep.

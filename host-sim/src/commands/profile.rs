@@ -1,32 +1,39 @@
 //! `bunraku profile`: what a clip costs on a microcontroller.
 
 use anyhow::{Context, Result, anyhow, bail};
-use decoder_core::qmd::Clip;
-use decoder_core::{I16F16, Limits};
 use encoder::qmd::{Method, Parameters};
+use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::profile;
 use host_sim::profile::baseline::Baseline;
 use host_sim::profile::parts::{PARTS, Part};
-use host_sim::profile::report::{Budget, Simulation, Subject, Table};
+use host_sim::profile::report::{Budget, Container, Simulation, Subject, Table, Ticks};
 use host_sim::profile::{CoreReport, Report, html, measure};
+use host_sim::puppet::{self, Map, Puppet};
 use host_sim::thumb::Core;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
 /// Count what decoding a clip costs on a microcontroller: cycles, stack, flash, RAM, energy.
 ///
 /// Builds the decoder with the clip for each core and runs it on a simulated one (docs/CYCLES.md says how far its
-/// cycles can be trusted). Without a clip it takes the embedded sample.
+/// cycles can be trusted). Without a clip it takes the embedded sample. With a puppet, what is counted is a whole tick of
+/// its servos: decode, interpolate, limit, and write the packet; shares and energy are then those of ticks.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  bunraku profile walk.qmd --core all --clock 64MHz --html walk.html\n  bunraku profile walk.qmd --part nrf52840 --budget 5%\n  bunraku profile --core cortex-m4 --json > baseline.json\n  bunraku profile --core cortex-m4 --baseline baseline.json\n\nThe exit code is 1 where the worst frame is over the budget or a frame has become slower than the baseline's."
+    after_help = "Examples:\n  bunraku profile walk.qmd --core all --clock 64MHz --html walk.html\n  bunraku profile walk.qmd --part nrf52840 --budget 5%\n  bunraku profile walk.mclip --puppet puppets/cmu-20.toml --skeleton 02.asf --core cortex-m4 --budget 6000\n  bunraku profile --core cortex-m4 --json > baseline.json\n  bunraku profile --core cortex-m4 --baseline baseline.json\n\nThe exit code is 1 where the worst frame is over the budget or a frame has become slower than the baseline's."
 )]
 pub struct Args {
-    /// The clip: .qmd.
+    /// The clip: .qmd or .mclip.
     clip: Option<PathBuf>,
+    /// Count ticks of this puppet instead of frames.
+    #[arg(long, value_name = "PUPPET.toml")]
+    puppet: Option<PathBuf>,
+    /// The skeleton whose channels the clip has (.asf, .bvh), instead of the one that the puppet names.
+    #[arg(long, value_name = "S.asf", requires = "puppet")]
+    skeleton: Option<PathBuf>,
     /// Cores, separated by commas, or all. Unless given: a part's core, or cortex-m0plus and cortex-m4.
     #[arg(long, value_name = "CORES", value_delimiter = ',', value_parser = core)]
     core: Vec<Cores>,
@@ -34,7 +41,7 @@ pub struct Args {
     #[arg(long, value_name = "FREQUENCY", value_parser = frequency)]
     clock: Option<f64>,
     /// Frames per second, instead of the clip's own rate.
-    #[arg(long, value_name = "F", value_parser = positive)]
+    #[arg(long, value_name = "F", value_parser = positive, conflicts_with = "puppet")]
     rate: Option<f64>,
     /// Wait states of the flash.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=15))]
@@ -45,9 +52,9 @@ pub struct Args {
     /// The battery, with --part.
     #[arg(long, value_name = "MAH", default_value_t = 1000.0, value_parser = positive, requires = "part")]
     battery: f64,
-    /// Whether the decoder is lent RAM for a converted table.
-    #[arg(long, value_enum, default_value_t = Table::Lent)]
-    table: Table,
+    /// Whether the decoder of a .qmd is lent RAM for a converted table; lent unless given.
+    #[arg(long, value_enum)]
+    table: Option<Table>,
     /// Most that the worst frame may take: cycles, or a part of a frame's time (5%).
     #[arg(long, value_name = "CYCLES|PERCENT%")]
     budget: Option<Budget>,
@@ -114,11 +121,16 @@ pub fn run(args: Args) -> Result<ExitCode> {
         Some(path) => (path.display().to_string(), files::read(path)?),
         None => ("embedded sample".to_owned(), sample()?),
     };
-    let clip = Clip::parse(&bytes, Limits::MAX).with_context(|| format!("{name} is not a QMD clip"))?;
+    let clip = Clip::parse(Path::new(&name), &bytes)?;
+    if let (Clip::Mclip(_), Some(_)) = (&clip, args.table) {
+        bail!("{name} is a .mclip, whose decoder is always lent its memory: --table is for a .qmd");
+    }
+    let map = map(&args, &name, &clip)?;
     let own_rate = f64::from(clip.rate_centihertz()) / 100.0;
-    let Some(rate_hz) = args.rate.or((own_rate > 0.0).then_some(own_rate)) else {
+    let Some(clip_hz) = args.rate.or((own_rate > 0.0).then_some(own_rate)) else {
         bail!("{name} does not say its frame rate: give one with --rate");
     };
+    let rate_hz = map.as_ref().map_or(clip_hz, |map| f64::from(map.tick_hz()));
     if let (Some(part), Some(clock)) = (args.part, args.clock)
         && part.clock_hz != clock
     {
@@ -133,41 +145,47 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if let Some(part) = args.part.filter(|part| !cores.contains(&part.core)) {
         bail!("{} has a {}, which is not among the cores to profile", part.name, part.core.name());
     }
-    let images = build(&bytes, &cores, args.table)?;
+    let expected = match &map {
+        Some(map) => profile::ticks(&clip, map).with_context(|| format!("cannot play {name}"))?,
+        None => profile::frames(&clip)?,
+    };
+    let table = args.table.unwrap_or(Table::Lent);
+    let subject = Subject {
+        clip_bytes: bytes.len(),
+        frames: clip.frames(),
+        channels: clip.channels(),
+        container: container(&clip, table),
+        wait_states: args.wait_states,
+        puppet: map.as_ref().map(|map| Ticks {
+            ticks: expected.frames.len(),
+            servos: map.joints().len(),
+            servo_hz: map.tick_hz(),
+        }),
+    };
+    let images = build(&bytes, map.as_ref(), &cores, table)?;
 
-    let bar = ProgressBar::new(u64::from(clip.frames()) * cores.len() as u64);
-    bar.set_style(ProgressStyle::with_template("{wide_bar} {pos} of {len} frames, {msg}")?);
+    let bar = ProgressBar::new((expected.frames.len() * cores.len()) as u64);
+    let template = format!("{{wide_bar}} {{pos}} of {{len}} {}s, {{msg}}", subject.unit());
+    bar.set_style(ProgressStyle::with_template(&template)?);
     let mut reports = Vec::new();
     let (mut instructions, mut simulated) = (0, Duration::ZERO);
     for (&core, image) in cores.iter().zip(&images) {
         bar.set_message(core.name());
-        let mut pose = vec![I16F16::ZERO; clip.channels()];
-        let decoder = clip.decoder(&mut pose, None)?;
-        let measured = measure::run(core, image, args.wait_states, decoder, &mut || bar.inc(1))
+        let measured = measure::run(core, image, args.wait_states, &expected, &mut || bar.inc(1))
             .with_context(|| format!("{name} on {}", core.name()))?;
         instructions += measured.instructions;
         simulated += measured.simulated;
         let clock_hz = args.part.map_or(args.clock.unwrap_or(64e6), |part| part.clock_hz);
-        let mut report = CoreReport::new(core, image, measured, clip.channels(), clock_hz, rate_hz)?;
+        let mut report = CoreReport::new(core, image, measured, subject.samples(), clock_hz, rate_hz)?;
         let part = args.part.filter(|part| part.core == core);
         report.energy = part.map(|part| part.energy(report.cycles_mean, rate_hz, args.battery));
         reports.push(report);
     }
     bar.finish_and_clear();
     let seconds = simulated.as_secs_f64();
-    let layout = clip.layout();
     let report = Report {
         clip: name,
-        subject: Subject {
-            clip_bytes: bytes.len(),
-            frames: clip.frames(),
-            channels: clip.channels(),
-            fixed_channels: layout.fixed_channels,
-            index_bits: layout.index_bits,
-            segments: clip.segments(),
-            table: args.table,
-            wait_states: args.wait_states,
-        },
+        subject,
         rate_hz,
         cores: reports,
         simulation: Simulation {
@@ -214,15 +232,59 @@ fn cores(args: &Args) -> Vec<Core> {
     cores
 }
 
+/// The joint map of the puppet that was named.
+fn map(args: &Args, name: &str, clip: &Clip<'_>) -> Result<Option<Map>> {
+    let Some(path) = &args.puppet else { return Ok(None) };
+    let puppet = Puppet::read(path)?;
+    // The embedded sample brings its skeleton.
+    let skeleton = match args.skeleton.clone().or_else(|| puppet.skeleton()) {
+        Some(skeleton) => encoder::import::load_skeleton(&skeleton)?,
+        None if args.clip.is_none() => encoder::sample::clip().skeleton,
+        None => bail!("{} names no skeleton, expected the key \"skeleton\" or --skeleton", path.display()),
+    };
+    let (found, expected) = (clip.channels(), skeleton.channels.len());
+    if found != expected {
+        bail!("{name} has {found} channels, expected {expected} as in the skeleton");
+    }
+    puppet.map(&skeleton).map(Some)
+}
+
+fn container(clip: &Clip<'_>, table: Table) -> Container {
+    match clip {
+        Clip::Qmd(clip) => {
+            let layout = clip.layout();
+            Container::Qmd {
+                fixed_channels: layout.fixed_channels,
+                index_bits: layout.index_bits,
+                segments: clip.segments(),
+                table,
+            }
+        }
+        Clip::Mclip(clip) => {
+            let header = clip.header();
+            Container::Mclip {
+                codec: header.codec().id().name().to_owned(),
+                entropy: header.entropy().name().to_owned(),
+                blocks: clip.blocks(),
+                lent_bytes: header.needs().bytes(),
+            }
+        }
+    }
+}
+
 /// An image for every core.
-fn build(clip: &[u8], cores: &[Core], table: Table) -> Result<Vec<Vec<u8>>> {
+fn build(clip: &[u8], map: Option<&Map>, cores: &[Core], table: Table) -> Result<Vec<Vec<u8>>> {
     let mut targets: Vec<&str> = cores.iter().map(|core| core.target()).collect();
     targets.sort_unstable();
     targets.dedup();
     let spinner = ProgressBar::new_spinner();
     spinner.set_message(format!("building the decoder for {}", targets.join(", ")));
     spinner.enable_steady_tick(Duration::from_millis(100));
-    let images = profile::images(clip, &targets, table == Table::Lent)?;
+    let lent = table == Table::Lent;
+    let images = match map {
+        Some(map) => profile::tick_images(clip, &puppet::to_bytes(map)?, &targets, lent)?,
+        None => profile::images(clip, &targets, lent)?,
+    };
     spinner.finish_and_clear();
     let of = |core: &Core| {
         let built = targets.iter().zip(&images).find(|(target, _)| **target == core.target());
@@ -233,21 +295,28 @@ fn build(clip: &[u8], cores: &[Core], table: Table) -> Result<Vec<Vec<u8>>> {
 
 fn print(report: &Report) {
     let subject = &report.subject;
+    let unit = subject.unit();
+    let container = match &subject.container {
+        Container::Qmd { table: Table::Lent, .. } => "table lent".to_owned(),
+        Container::Qmd { table: Table::None, .. } => "table not lent".to_owned(),
+        Container::Mclip { codec, entropy, lent_bytes, .. } => {
+            format!("{codec}, {entropy}, {lent_bytes} bytes of RAM lent")
+        }
+    };
     println!(
-        "{}: {} frames of {} channels, {} bytes, table {}, {} wait states",
-        report.clip,
-        subject.frames,
-        subject.channels,
-        subject.clip_bytes,
-        if subject.table == Table::Lent { "lent" } else { "not lent" },
-        subject.wait_states
+        "{}: {} frames of {} channels, {} bytes, {container}, {} wait states",
+        report.clip, subject.frames, subject.channels, subject.clip_bytes, subject.wait_states
     );
+    if let Some(puppet) = &subject.puppet {
+        println!("  {} ticks at {} Hz on {} servos", puppet.ticks, puppet.servo_hz, puppet.servos);
+    }
+    let per = if subject.puppet.is_some() { "/sv" } else { "/ch" };
     println!(
-        "                        cycles a frame                 |     | bytes                       | of a frame at {} Hz",
+        "                        cycles a {unit:<5}                 |      | bytes                       | of a {unit} at {} Hz",
         report.rate_hz
     );
     println!(
-        "core              min    mean     p99   worst at frame | /ch | stack  code   flash     RAM | mean     worst"
+        "core              min    mean     p99   worst at {unit:<5} |  {per} | stack  code   flash     RAM | mean     worst"
     );
     for core in &report.cores {
         let name = if core.tolerance.is_none_or(|tolerance| tolerance > 0.1) {
@@ -256,7 +325,7 @@ fn print(report: &Report) {
             core.core.to_owned()
         };
         println!(
-            "{name:<14} {:>6} {:>7.1} {:>7} {:>7} {:>8} | {:>4.1} | {:>4} {:>5} {:>7} {:>7} | {:.3} % {:.3} % at {} MHz",
+            "{name:<14} {:>6} {:>7.1} {:>7} {:>7} {:>8} | {:>5.1} | {:>4} {:>5} {:>7} {:>7} | {:.3} % {:.3} % at {} MHz",
             core.cycles_min,
             core.cycles_mean,
             core.cycles_p99,
@@ -276,7 +345,7 @@ fn print(report: &Report) {
         println!("* an estimate: see docs/CYCLES.md");
     }
     for core in &report.cores {
-        println!("\n{}: where a frame's cycles go", core.core);
+        println!("\n{}: where a {unit}'s cycles go", core.core);
         for function in core.functions.iter().filter(|function| function.share >= 0.005) {
             println!(
                 "  {:>5.1} % {:>9.1}  {} ({} bytes)",
@@ -288,7 +357,7 @@ fn print(report: &Report) {
         }
         if let Some(energy) = &core.energy {
             println!(
-                "{} at {} MHz and {} V, {} mA running, {} mA asleep:\n  {:.3} µJ a frame, {:.1} µA on average, {:.0} hours from {} mAh, decoder only",
+                "{} at {} MHz and {} V, {} mA running, {} mA asleep:\n  {:.3} µJ a {unit}, {:.1} µA on average, {:.0} hours from {} mAh, {} only",
                 energy.part,
                 energy.clock_hz / 1e6,
                 energy.volts,
@@ -297,7 +366,8 @@ fn print(report: &Report) {
                 energy.microjoules_per_frame,
                 energy.mean_microamps,
                 energy.battery_hours,
-                energy.battery_mah
+                energy.battery_mah,
+                if subject.puppet.is_some() { "player" } else { "decoder" }
             );
             println!("  {}", energy.source);
         }
@@ -315,7 +385,8 @@ fn print(report: &Report) {
 fn check(report: &Report, budget: Option<Budget>, baseline: Option<&Baseline>) -> Result<ExitCode> {
     let mut complaints = Vec::new();
     if let Some(budget) = budget {
-        complaints.extend(report.cores.iter().filter_map(|core| budget.exceeded(core)));
+        complaints
+            .extend(report.cores.iter().filter_map(|core| budget.exceeded(core, report.subject.unit())));
     }
     if let Some(baseline) = baseline {
         complaints.extend(baseline.risen(report)?);

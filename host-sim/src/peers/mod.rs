@@ -3,14 +3,18 @@
 //!
 //! Rotations are stored in centidegrees; translations in the finest of 0.01, 0.1 and 1 cm that the motion's range
 //! allows. Compressors get blocks of frames of up to 4 KiB, each packed by itself, so that a device needs memory for
-//! one block; frames may be stored as differences to the frame before. Where a compressor has levels, the best is taken.
+//! one block; tamp, which unpacks any number of bytes of a stream, gets all frames in one. Frames may be stored as differences
+//! to the frame before. Where a compressor has levels, the best is taken.
 
+mod pack;
 mod plot;
 mod run;
 
+pub use pack::{PACKERS, Packer};
 pub use plot::plot;
-pub use run::{Cost, Entry, LEFT_OUT, Method, PACKERS, Packer, run};
+pub use run::{Blocks, Cost, Entry, Method, run};
 
+use crate::profile::measure::Expected;
 use anyhow::{Result, bail};
 use encoder::{Clip, Motion};
 
@@ -80,6 +84,12 @@ impl Quantised {
             }
         }
         bytes
+    }
+
+    /// What a player gives of it.
+    fn expected(&self) -> Expected {
+        let bytes = |frame: &[i16]| frame.iter().flat_map(|value| value.to_le_bytes()).collect();
+        Expected { element: size_of::<i16>(), frames: self.frames().map(bytes).collect() }
     }
 
     /// The motion that a player has of it.

@@ -52,7 +52,7 @@ fn draw(svg: &mut String, title: &str, entries: &[Entry]) -> Result<(), Box<dyn 
         let mut taken: Vec<(i32, i32, i32)> = Vec::new();
         for entry in entries {
             let Some(cost) = entry.costs.iter().find(|cost| cost.core == *core) else { continue };
-            let colour = if entry.name.starts_with("QMD") { OURS } else { THEIRS };
+            let colour = if entry.method.is_ours() { OURS } else { THEIRS };
             let (x, y) = (entry.bytes as f64, cost.cycles_mean);
             chart.draw_series([PathElement::new(
                 [(x, y), (x, cost.cycles_max as f64)],

@@ -1,86 +1,19 @@
 //! Stores a motion in every way, and plays each on the simulator.
 
-use super::Quantised;
+use super::{PACKERS, Packer, Quantised};
+use crate::clip::Clip;
 use crate::image::Image;
+use crate::profile;
 use crate::profile::elf::Memory;
-use crate::profile::measure::{self, Measured, Runner};
+use crate::profile::measure::{self, Measured};
 use crate::thumb::Core;
-use anyhow::{Context, Result, anyhow, bail};
-use decoder_core::{I16F16, Limits, qmd::Clip};
+use anyhow::{Context, Result, bail};
+use decoder_core::mclip::{CodecId, EntropyId};
+use encoder::mclip::{Encoder, Quality, Settings, Target};
 use encoder::metrics::Evaluator;
 use encoder::qmd::{self, Parameters, Source};
 use serde::Serialize;
-
-/// A crate that packs blocks of bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub enum Packer {
-    /// None: bytes as they are.
-    #[serde(rename = "raw")]
-    Raw,
-    /// heatshrink, window 2^11, look-ahead 2^4.
-    #[serde(rename = "heatshrink")]
-    Heatshrink,
-    /// LZ4 blocks.
-    #[serde(rename = "lz4_flex")]
-    Lz4,
-    /// Raw DEFLATE at level 10.
-    #[serde(rename = "miniz_oxide")]
-    Miniz,
-}
-
-/// All packers.
-pub const PACKERS: [Packer; 4] = [Packer::Raw, Packer::Heatshrink, Packer::Lz4, Packer::Miniz];
-
-/// What is not compared, and why.
-pub const LEFT_OUT: &str = "tamp is left out: its crate (tamp-sys 0.1.0) runs bindgen on its C source when it is built, which takes \
-     libclang, and newlib's headers for Arm, on every machine that builds Bunraku";
-
-impl Packer {
-    /// The crate's name.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Raw => "raw",
-            Self::Heatshrink => "heatshrink",
-            Self::Lz4 => "lz4_flex",
-            Self::Miniz => "miniz_oxide",
-        }
-    }
-
-    /// Feature of the image.
-    const fn feature(self) -> &'static str {
-        match self {
-            Self::Raw => "",
-            other => other.name(),
-        }
-    }
-
-    /// What the image is given: bytes as they are, or blocks with their lengths.
-    fn pack(self, bytes: &[u8], block: usize) -> Result<Vec<u8>> {
-        if self == Self::Raw {
-            return Ok(bytes.to_vec());
-        }
-        let mut store = Vec::new();
-        for block in bytes.chunks(block) {
-            let packed = match self {
-                Self::Raw => block.to_vec(),
-                Self::Heatshrink => {
-                    // 9 bits for a byte that is not found before.
-                    let mut buffer = vec![0; block.len() * 9 / 8 + 8];
-                    let config = heatshrink::Config::new(11, 4).map_err(|error| anyhow!(error))?;
-                    heatshrink::encode(block, &mut buffer, &config)
-                        .map_err(|error| anyhow!("heatshrink: {error:?}"))?
-                        .to_vec()
-                }
-                Self::Lz4 => lz4_flex::block::compress(block),
-                Self::Miniz => miniz_oxide::deflate::compress_to_vec(block, 10),
-            };
-            let len = u16::try_from(packed.len()).context("a packed block of more than 65535 bytes")?;
-            store.extend(len.to_le_bytes());
-            store.extend(packed);
-        }
-        Ok(store)
-    }
-}
+use std::path::Path;
 
 /// How a motion is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -100,19 +33,70 @@ pub enum Method {
         /// Whether the decoder is lent memory for its table.
         lent: bool,
     },
+    /// As a .mclip.
+    Mclip {
+        /// Its codec.
+        blocks: Blocks,
+    },
+}
+
+/// The codecs of .mclip that are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Blocks {
+    /// dpcm in codes of fixed width, at the error of int16.
+    DpcmFixed,
+    /// dpcm in Huffman codes, at the error of int16.
+    DpcmHuffman,
+    /// dpcm in Huffman codes, at a mean joint error of 0.1 cm.
+    DpcmCoarse,
+    /// Indices of QMD tables in Huffman codes, b = 8.
+    QmdHuffman,
+}
+
+impl Blocks {
+    const ALL: [Self; 4] = [Self::DpcmFixed, Self::DpcmHuffman, Self::DpcmCoarse, Self::QmdHuffman];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::DpcmFixed => "dpcm, fixed width",
+            Self::DpcmHuffman => "dpcm, Huffman",
+            Self::DpcmCoarse => "dpcm, Huffman, 0.1 cm",
+            Self::QmdHuffman => "QMD packed, Huffman",
+        }
+    }
+
+    /// Encodes; `fine` is the error of int16 in cm.
+    fn encode(self, clip: &encoder::Clip, fine: f64, evaluator: &Evaluator) -> Result<Vec<u8>> {
+        let (codec, entropy) = match self {
+            Self::DpcmFixed => (CodecId::Dpcm, EntropyId::FixedWidth),
+            Self::DpcmHuffman | Self::DpcmCoarse => (CodecId::Dpcm, EntropyId::Huffman),
+            Self::QmdHuffman => (CodecId::Qmd, EntropyId::Huffman),
+        };
+        let settings = Settings { entropy: Some(entropy), ..Settings::new(codec) };
+        let encoder = Encoder::new(&clip.skeleton, &clip.motion)?;
+        let to = |cm| encoder.encode_to(&settings, Target::Error(cm), evaluator).bytes;
+        Ok(match self {
+            Self::DpcmFixed | Self::DpcmHuffman => to(fine),
+            Self::DpcmCoarse => to(0.1),
+            Self::QmdHuffman => encoder.encode(&settings, Quality::Bits(8)),
+        })
+    }
 }
 
 impl Method {
-    /// All that are compared, for a motion of so many channels.
+    /// All that can be compared on this machine, for a motion of so many channels.
     pub fn all(channels: usize) -> Vec<Self> {
-        let packed = PACKERS.into_iter().flat_map(|packer| {
+        let packers = PACKERS.into_iter().filter(|packer| packer.left_out().is_none());
+        let packed = packers.flat_map(|packer| {
             // Differences take as many bytes as frames until something packs them.
             let deltas: &[bool] = if packer == Packer::Raw { &[false] } else { &[false, true] };
             deltas.iter().map(move |&delta| Self::Int16 { packer, delta })
         });
         let fdf = 6.min(channels as u16);
         let qmd = [(fdf, true), (0, true), (fdf, false)].map(|(fdf, lent)| Self::Qmd { fdf, lent });
-        packed.chain(qmd).collect()
+        let mclip = Blocks::ALL.map(|blocks| Self::Mclip { blocks });
+        packed.chain(qmd).chain(mclip).collect()
     }
 
     /// A short name.
@@ -122,7 +106,13 @@ impl Method {
             Self::Int16 { packer, delta: true } => format!("delta + {}", packer.name()),
             Self::Qmd { fdf, lent: true } => format!("QMD, FDF {fdf}"),
             Self::Qmd { fdf, lent: false } => format!("QMD, FDF {fdf}, no table"),
+            Self::Mclip { blocks } => blocks.name().to_owned(),
         }
+    }
+
+    /// Whether it is ours.
+    pub const fn is_ours(self) -> bool {
+        !matches!(self, Self::Int16 { .. })
     }
 }
 
@@ -135,7 +125,7 @@ pub struct Cost {
     pub cycles_mean: f64,
     /// Cycles of the most expensive frame.
     pub cycles_max: u64,
-    /// Static RAM, and the deepest stack of decoding a frame; for QMD that of the whole run, since its decoder lives
+    /// Static RAM, and the deepest stack of decoding a frame; for ours that of the whole run, since the decoder lives
     /// on the stack.
     pub ram_bytes: u64,
     /// Flash of the decoder: its functions and their constants, without the motion.
@@ -167,10 +157,20 @@ pub fn run(clip: &encoder::Clip, method: Method, cores: &[Core]) -> Result<Entry
     targets.sort_unstable();
     targets.dedup();
     let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
-    let (bytes, images, mean_joint_cm, play): (_, _, _, Play<'_>) = match method {
+    let (bytes, images, mean_joint_cm, expected) = match method {
         Method::Int16 { packer, delta } => {
             let stored = Quantised::new(clip)?;
             let store = packer.pack(&stored.bytes(delta), stored.block_frames() * stored.channels() * 2)?;
+            let variables = packer.variables();
+            let channels = stored.channels().to_string();
+            let block_frames = stored.block_frames().to_string();
+            let mut variables: Vec<(&str, &str)> =
+                variables.iter().map(|(name, value)| (*name, value.as_str())).collect();
+            variables.extend([
+                ("BUNRAKU_CHANNELS", channels.as_str()),
+                ("BUNRAKU_BLOCK_FRAMES", block_frames.as_str()),
+                ("BUNRAKU_DELTA", if delta { "1" } else { "0" }),
+            ]);
             let images = Image {
                 package: "peers-image",
                 source: "bench/peers-image",
@@ -179,64 +179,43 @@ pub fn run(clip: &encoder::Clip, method: Method, cores: &[Core]) -> Result<Entry
                 targets: &targets,
                 folder: "peers",
                 files: &[("BUNRAKU_STORE", "store", &store)],
-                variables: &[
-                    ("BUNRAKU_CHANNELS", &stored.channels().to_string()),
-                    ("BUNRAKU_BLOCK_FRAMES", &stored.block_frames().to_string()),
-                    ("BUNRAKU_DELTA", if delta { "1" } else { "0" }),
-                ],
+                variables: &variables,
             }
             .build()?;
             let error = evaluator.mean_joint_cm(&stored.motion(clip.motion.fps).samples);
-            (store.len(), images, error, Box::new(move |core, image| play_int16(core, image, &stored)))
+            (store.len(), images, error, stored.expected())
         }
         Method::Qmd { fdf, lent } => {
             let parameters = Parameters { fixed_channels: fdf, ..Parameters::TABLE_1 };
             let source = Source::new(&clip.skeleton, &clip.motion)?;
             let bytes = source.encode(parameters, qmd::Method::ClosedLoop)?;
-            let images = crate::profile::images(&bytes, &targets, lent)?;
+            let images = profile::images(&bytes, &targets, lent)?;
             let error = evaluator.mean_joint_cm(&qmd::decode(&bytes)?.samples);
-            (bytes.len(), images, error, Box::new(move |core, image| play_qmd(core, image, &bytes)))
+            (bytes.len(), images, error, profile::frames(&Clip::parse(Path::new("clip.qmd"), &bytes)?)?)
+        }
+        Method::Mclip { blocks } => {
+            let fine = evaluator.mean_joint_cm(&Quantised::new(clip)?.motion(clip.motion.fps).samples);
+            let bytes = blocks.encode(clip, fine, &evaluator)?;
+            let images = profile::mclip_images(&bytes, &targets, false)?;
+            let error = evaluator.mean_joint_cm(&encoder::mclip::decode(&bytes)?.samples);
+            (bytes.len(), images, error, profile::frames(&Clip::parse(Path::new("clip.mclip"), &bytes)?)?)
         }
     };
     let mut costs = Vec::new();
     for &core in cores {
         let built = targets.iter().zip(&images).find(|(target, _)| **target == core.target());
         let Some((_, image)) = built else { bail!("no image was built for {}", core.name()) };
-        let measured = play(core, image).with_context(|| format!("{} on {}", method.name(), core.name()))?;
+        let measured = measure::run(core, image, 0, &expected, &mut || ())
+            .with_context(|| format!("{} on {}", method.name(), core.name()))?;
         costs.push(cost(core, image, method, bytes, &measured)?);
     }
     Ok(Entry { name: method.name(), method, bytes, mean_joint_cm, costs })
 }
 
-/// Plays an image and checks its frames.
-type Play<'a> = Box<dyn Fn(Core, &[u8]) -> Result<Measured> + 'a>;
-
-fn play_int16(core: Core, image: &[u8], stored: &Quantised) -> Result<Measured> {
-    let mut runner = Runner::new(core, image, 0)?;
-    for (number, expected) in stored.frames().enumerate() {
-        let found =
-            runner.next_frame(2)?.with_context(|| format!("the image ended before frame {number}"))?;
-        let (words, _) = found.as_chunks::<2>();
-        if !words.iter().map(|&word| i16::from_le_bytes(word)).eq(expected.iter().copied()) {
-            bail!("frame {number} is not the one that was stored");
-        }
-    }
-    if runner.next_frame(2)?.is_some() {
-        bail!("the image has more frames than were stored");
-    }
-    Ok(runner.finish())
-}
-
-fn play_qmd(core: Core, image: &[u8], bytes: &[u8]) -> Result<Measured> {
-    let clip = Clip::parse(bytes, Limits::MAX)?;
-    let mut pose = vec![I16F16::ZERO; clip.channels()];
-    measure::run(core, image, 0, clip.decoder(&mut pose, None)?, &mut || ())
-}
-
 fn cost(core: Core, image: &[u8], method: Method, stored: usize, measured: &Measured) -> Result<Cost> {
     let memory = Memory::of(image)?;
     let stack = match method {
-        Method::Qmd { .. } => measured.stack_bytes,
+        Method::Qmd { .. } | Method::Mclip { .. } => measured.stack_bytes,
         Method::Int16 { .. } => measured.frame_stack_bytes,
     };
     let constants = memory.sections.iter().filter(|section| section.name == ".rodata");
@@ -249,42 +228,4 @@ fn cost(core: Core, image: &[u8], method: Method, stored: usize, measured: &Meas
         ram_bytes: memory.ram_bytes() + u64::from(stack),
         flash_bytes: memory.code_bytes + constants.saturating_sub(stored as u64),
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_packed_can_be_unpacked() {
-        let stored = Quantised::new(&encoder::sample::clip()).unwrap();
-        let block = stored.block_frames() * stored.channels() * 2;
-        for packer in PACKERS.into_iter().skip(1) {
-            for delta in [false, true] {
-                let bytes = stored.bytes(delta);
-                let store = packer.pack(&bytes, block).unwrap();
-                assert!(store.len() < bytes.len(), "{} {delta}", packer.name());
-                let (mut rest, mut found): (&[u8], Vec<u8>) = (&store, Vec::new());
-                while let Some((len, after)) = rest.split_first_chunk::<2>() {
-                    let (packed, after) = after.split_at(usize::from(u16::from_le_bytes(*len)));
-                    rest = after;
-                    let mut buffer = vec![0; block + 1];
-                    let len = match packer {
-                        Packer::Heatshrink => {
-                            let config = heatshrink::Config::new(11, 4).unwrap();
-                            heatshrink::decode(packed, &mut buffer, &config).unwrap().len()
-                        }
-                        Packer::Lz4 => lz4_flex::block::decompress_into(packed, &mut buffer).unwrap(),
-                        _ => {
-                            let unpacked = miniz_oxide::inflate::decompress_to_vec(packed).unwrap();
-                            buffer[..unpacked.len()].copy_from_slice(&unpacked);
-                            unpacked.len()
-                        }
-                    };
-                    found.extend(&buffer[..len]);
-                }
-                assert_eq!(found, bytes, "{} {delta}", packer.name());
-            }
-        }
-    }
 }

@@ -46,6 +46,7 @@ impl Baseline {
                 report.subject
             );
         }
+        let unit = report.subject.unit();
         let mut risen = Vec::new();
         let mut compared = 0;
         for now in &report.cores {
@@ -54,8 +55,8 @@ impl Baseline {
             };
             compared += 1;
             for (what, then, now_is) in [
-                ("a frame's mean", then.cycles_mean, now.cycles_mean),
-                ("the worst frame", then.cycles_max as f64, now.cycles_max as f64),
+                (format!("a {unit}'s mean"), then.cycles_mean, now.cycles_mean),
+                (format!("the worst {unit}"), then.cycles_max as f64, now.cycles_max as f64),
             ] {
                 if now_is > then * (1.0 + SLACK) {
                     risen.push(format!(

@@ -1,6 +1,6 @@
 //! A report as one page that needs nothing else: a table, and for each core its frames and its functions.
 
-use super::report::{CoreReport, Report, Table};
+use super::report::{Container, CoreReport, Report, Table};
 use super::svg;
 use std::fmt::{Result, Write};
 use std::path::Path;
@@ -35,28 +35,42 @@ pub fn write(page: &mut dyn Write, report: &Report) -> Result {
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name}: cycles</title>\n\
          <style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{name}</h1>\n"
     )?;
-    let lent = match subject.table {
-        Table::Lent => format!("a table of {} bytes lent", 4 << subject.index_bits),
-        Table::None => "no table lent".to_owned(),
+    let unit = subject.unit();
+    let plural = |count: u32| if count == 1 { "" } else { "s" };
+    let (coded, lent) = match &subject.container {
+        Container::Qmd { fixed_channels, index_bits, segments, table } => (
+            format!("FDF {fixed_channels}, b {index_bits}, {segments} segment{}", plural(*segments)),
+            match table {
+                Table::Lent => format!("a table of {} bytes lent", 4u32 << index_bits),
+                Table::None => "no table lent".to_owned(),
+            },
+        ),
+        Container::Mclip { codec, entropy, blocks, lent_bytes } => (
+            format!("{codec} with {entropy} codes, {blocks} block{}", plural(*blocks)),
+            format!("{lent_bytes} bytes lent"),
+        ),
     };
     writeln!(
         page,
-        "<p>{} frames of {} channels, {} bytes; FDF {}, b {}, {} segment{}. The decoder had {lent}, the flash {} wait \
-         states; a frame's time is that at {} Hz.</p>\n<p class=\"soft\">Cycles are simulated from the machine code; \
-         docs/CYCLES.md says how far to trust them.</p>",
-        subject.frames,
-        subject.channels,
-        subject.clip_bytes,
-        subject.fixed_channels,
-        subject.index_bits,
-        subject.segments,
-        if subject.segments == 1 { "" } else { "s" },
-        subject.wait_states,
-        report.rate_hz,
+        "<p>{} frames of {} channels, {} bytes; {coded}. The decoder had {lent}, the flash {} wait states; a {unit}'s \
+         time is that at {} Hz.</p>",
+        subject.frames, subject.channels, subject.clip_bytes, subject.wait_states, report.rate_hz,
+    )?;
+    if let Some(puppet) = &subject.puppet {
+        writeln!(
+            page,
+            "<p>A tick decodes, interpolates, applies the limits and writes the packet for {} servos; the clip takes {} \
+             ticks.</p>",
+            puppet.servos, puppet.ticks
+        )?;
+    }
+    writeln!(
+        page,
+        "<p class=\"soft\">Cycles are simulated from the machine code; docs/CYCLES.md says how far to trust them.</p>"
     )?;
     overview(page, report)?;
     for core in &report.cores {
-        self::core(page, core, report.rate_hz)?;
+        self::core(page, core, report)?;
     }
     writeln!(page, "</body>\n</html>")
 }
@@ -69,10 +83,10 @@ fn overview(page: &mut dyn Write, report: &Report) -> Result {
         "cycles, mean",
         "p99",
         "worst",
-        "at frame",
-        "a sample",
+        if report.subject.puppet.is_some() { "at tick" } else { "at frame" },
+        if report.subject.puppet.is_some() { "a servo" } else { "a sample" },
         "clock",
-        "of a frame",
+        if report.subject.puppet.is_some() { "of a tick" } else { "of a frame" },
         "stack",
         "code",
         "flash",
@@ -105,12 +119,13 @@ fn overview(page: &mut dyn Write, report: &Report) -> Result {
     writeln!(page, "</table></div>")
 }
 
-fn core(page: &mut dyn Write, core: &CoreReport, rate_hz: f64) -> Result {
+fn core(page: &mut dyn Write, core: &CoreReport, report: &Report) -> Result {
+    let (unit, rate_hz) = (report.subject.unit(), report.rate_hz);
     writeln!(page, "<h2>{}</h2>", core.core)?;
     if let Some(energy) = &core.energy {
         writeln!(
             page,
-            "<p>{} at {} MHz and {} V: {:.3} µJ a frame, {:.1} µA on average at {rate_hz} frames a second, {:.0} hours \
+            "<p>{} at {} MHz and {} V: {:.3} µJ a {unit}, {:.1} µA on average at {rate_hz} {unit}s a second, {:.0} hours \
              from {} mAh.</p>\n<p class=\"soft\">{}.</p>",
             energy.part,
             energy.clock_hz / 1e6,
@@ -124,15 +139,15 @@ fn core(page: &mut dyn Write, core: &CoreReport, rate_hz: f64) -> Result {
     }
     writeln!(
         page,
-        "<figure><figcaption>Cycles of each frame: mean {:.1} (dashed), worst {} at frame {}</figcaption>",
+        "<figure><figcaption>Cycles of each {unit}: mean {:.1} (dashed), worst {} at {unit} {}</figcaption>",
         core.cycles_mean, core.cycles_max, core.worst_frame
     )?;
     svg::frames(page, &core.frame_cycles, core.cycles_mean, core.worst_frame)?;
-    writeln!(page, "</figure>\n<figure><figcaption>Where a frame's cycles go</figcaption>")?;
+    writeln!(page, "</figure>\n<figure><figcaption>Where a {unit}'s cycles go</figcaption>")?;
     svg::flame(page, &core.flame, core.frame_cycles.len())?;
     writeln!(
         page,
-        "</figure>\n<div class=\"scroll\"><table>\n<tr><th>function</th><th>bytes</th><th>own cycles a frame</th><th>part</th></tr>"
+        "</figure>\n<div class=\"scroll\"><table>\n<tr><th>function</th><th>bytes</th><th>own cycles a {unit}</th><th>part</th></tr>"
     )?;
     for function in core.functions.iter().filter(|function| function.self_cycles >= 0.05) {
         writeln!(

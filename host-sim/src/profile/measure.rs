@@ -3,7 +3,6 @@
 use super::flame::Node;
 use crate::thumb::{Board, Core, Image, Machine, Region, SelfCycles, Stop};
 use anyhow::{Context, Result, anyhow, bail};
-use decoder_core::{I16F16, qmd::Decoder};
 use std::time::{Duration, Instant};
 
 /// Cycles that one call of the image may take: more than any clip's table takes to convert.
@@ -150,29 +149,36 @@ fn run_to(machine: &mut Machine, address: u32) -> Result<()> {
     }
 }
 
-/// Runs the image of a clip and compares every frame with `decoder`'s. `progress` is told after each.
+/// What an image is to give, frame by frame, as its memory holds it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Expected {
+    /// Bytes of an element: `decode_frame` returns a number of these.
+    pub element: usize,
+    /// The bytes of each frame.
+    pub frames: Vec<Vec<u8>>,
+}
+
+/// Runs an image and compares every frame with the one that is expected. `progress` is told after each.
 ///
 /// # Errors
-/// As [`Runner`]; also where a frame is not that of `decoder`.
+/// As [`Runner`]; also where a frame is another.
 pub fn run(
     core: Core,
     elf: &[u8],
     wait_states: u32,
-    mut decoder: Decoder<'_, '_>,
+    expected: &Expected,
     progress: &mut dyn FnMut(),
 ) -> Result<Measured> {
     let mut runner = Runner::new(core, elf, wait_states)?;
-    while let Some(bytes) = runner.next_frame(size_of::<I16F16>())? {
-        let (words, _) = bytes.as_chunks::<4>();
-        let found = words.iter().map(|&word| I16F16::from_le_bytes(word));
-        let number = decoder.position();
-        if !decoder.next_frame().is_some_and(|expected| found.eq(expected.iter().copied())) {
-            bail!("frame {number} differs between {} and this machine", core.name());
+    for (number, frame) in expected.frames.iter().enumerate() {
+        match runner.next_frame(expected.element)? {
+            Some(found) if found == frame => progress(),
+            Some(_) => bail!("frame {number} differs between {} and this machine", core.name()),
+            None => bail!("the image of {} ended after {number} frames", core.name()),
         }
-        progress();
     }
-    if decoder.next_frame().is_some() {
-        bail!("the image of {} ended after {} frames", core.name(), decoder.position() - 1);
+    if runner.next_frame(expected.element)?.is_some() {
+        bail!("the image of {} gave more than {} frames", core.name(), expected.frames.len());
     }
     Ok(runner.finish())
 }

@@ -17,16 +17,65 @@ pub struct Subject {
     pub frames: u32,
     /// Its channels.
     pub channels: usize,
-    /// Channels of it that are floats (FDF).
-    pub fixed_channels: u16,
-    /// Bits of an index (b).
-    pub index_bits: u8,
-    /// Segments, each of which opens with a table.
-    pub segments: u32,
-    /// Whether the decoder was lent memory for its table.
-    pub table: Table,
+    /// What else its container says.
+    #[serde(flatten)]
+    pub container: Container,
     /// Wait states of the flash.
     pub wait_states: u32,
+    /// Where ticks of a puppet were run instead of frames: the puppet.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub puppet: Option<Ticks>,
+}
+
+/// What is particular to a container.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Container {
+    /// A .qmd.
+    Qmd {
+        /// Channels of it that are floats (FDF).
+        fixed_channels: u16,
+        /// Bits of an index (b).
+        index_bits: u8,
+        /// Segments, each of which opens with a table.
+        segments: u32,
+        /// Whether the decoder was lent memory for its table.
+        table: Table,
+    },
+    /// A .mclip.
+    Mclip {
+        /// The codec.
+        codec: String,
+        /// The entropy stage.
+        entropy: String,
+        /// Blocks, each of which has a checksum.
+        blocks: u32,
+        /// Bytes that the decoder is lent, in the static RAM.
+        lent_bytes: usize,
+    },
+}
+
+/// A puppet that a clip was played on.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ticks {
+    /// Ticks that the clip took.
+    pub ticks: usize,
+    /// Servos, each of which gets a goal every tick.
+    pub servos: usize,
+    /// Ticks a second.
+    pub servo_hz: u16,
+}
+
+impl Subject {
+    /// What was counted: frames, or ticks.
+    pub fn unit(&self) -> &'static str {
+        if self.puppet.is_some() { "tick" } else { "frame" }
+    }
+
+    /// What one of them has many of: channels, or servos.
+    pub fn samples(&self) -> usize {
+        self.puppet.as_ref().map_or(self.channels, |puppet| puppet.servos)
+    }
 }
 
 /// Whether the decoder is lent memory for a converted table.
@@ -47,7 +96,7 @@ pub struct Report {
     /// What was run.
     #[serde(flatten)]
     pub subject: Subject,
-    /// Frames per second that shares and energy are for.
+    /// Frames per second that shares and energy are for; ticks, where there is a puppet.
     pub rate_hz: f64,
     /// What it costs on each core.
     pub cores: Vec<CoreReport>,
@@ -66,7 +115,7 @@ pub struct Simulation {
     pub instructions_per_second: f64,
 }
 
-/// What a clip costs on one core.
+/// What a clip costs on one core; where there is a puppet, every "frame" is a tick.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CoreReport {
     /// The core, for instance `cortex-m4`.
@@ -83,7 +132,7 @@ pub struct CoreReport {
     pub cycles_max: u64,
     /// Its number, from 0.
     pub worst_frame: usize,
-    /// Cycles of a frame on average, by channels.
+    /// Cycles of a frame on average, by channels; of a tick, by servos.
     pub cycles_per_sample: f64,
     /// Cycles of checking the clip and making its decoder, before the first frame.
     pub cycles_open: u64,
@@ -132,7 +181,7 @@ pub struct Function {
 }
 
 impl CoreReport {
-    /// Sums up what was measured on `core` with an image.
+    /// Sums up what was measured on `core` with an image whose frames have so many samples.
     ///
     /// # Errors
     /// A sentence where the image is no ELF file.
@@ -140,7 +189,7 @@ impl CoreReport {
         core: Core,
         image: &[u8],
         measured: Measured,
-        channels: usize,
+        samples: usize,
         clock_hz: f64,
         rate_hz: f64,
     ) -> Result<Self> {
@@ -170,7 +219,7 @@ impl CoreReport {
             cycles_p99: p99,
             cycles_max: max,
             worst_frame: frames.iter().position(|&cycles| cycles == max).unwrap_or(0),
-            cycles_per_sample: mean / channels as f64,
+            cycles_per_sample: mean / samples as f64,
             cycles_open: measured.open_cycles,
             stack_bytes: measured.stack_bytes,
             frame_stack_bytes: measured.frame_stack_bytes,
@@ -215,15 +264,15 @@ impl std::str::FromStr for Budget {
 }
 
 impl Budget {
-    /// Says by how much the worst frame is over, if it is.
-    pub fn exceeded(self, core: &CoreReport) -> Option<String> {
+    /// Says by how much the worst frame is over, if it is. `unit` is [`Subject::unit`].
+    pub fn exceeded(self, core: &CoreReport, unit: &str) -> Option<String> {
         let (name, worst, cycles) = (core.core, core.worst_frame, core.cycles_max);
         match self {
             Self::Cycles(most) if cycles > most => {
-                Some(format!("{name}: frame {worst} takes {cycles} cycles, over the budget of {most}"))
+                Some(format!("{name}: {unit} {worst} takes {cycles} cycles, over the budget of {most}"))
             }
             Self::Share(most) if core.frame_share_max > most => Some(format!(
-                "{name}: frame {worst} takes {cycles} cycles, {:.2} % of a frame's time at {} MHz, over the budget of {} %",
+                "{name}: {unit} {worst} takes {cycles} cycles, {:.2} % of a {unit}'s time at {} MHz, over the budget of {} %",
                 core.frame_share_max * 100.0,
                 core.clock_hz / 1e6,
                 most * 100.0
@@ -262,12 +311,12 @@ mod tests {
     #[test]
     fn budgets_are_cycles_or_a_share() {
         let core = report(vec![100, 300, 200]);
-        assert_eq!("300".parse::<Budget>().unwrap().exceeded(&core), None);
-        let over = "299".parse::<Budget>().unwrap().exceeded(&core).unwrap();
+        assert_eq!("300".parse::<Budget>().unwrap().exceeded(&core, "frame"), None);
+        let over = "299".parse::<Budget>().unwrap().exceeded(&core, "frame").unwrap();
         assert!(over.contains("frame 1 takes 300 cycles"), "{over}");
         // 300 cycles at 1 MHz are 3 % of 1/100 s.
-        assert_eq!("3%".parse::<Budget>().unwrap().exceeded(&core), None);
-        let over = "2.9%".parse::<Budget>().unwrap().exceeded(&core).unwrap();
+        assert_eq!("3%".parse::<Budget>().unwrap().exceeded(&core, "frame"), None);
+        let over = "2.9%".parse::<Budget>().unwrap().exceeded(&core, "frame").unwrap();
         assert!(over.contains("3.00 %"), "{over}");
         for wrong in ["", "%", "-3", "0%", "5 per cent", "inf%"] {
             assert!(wrong.parse::<Budget>().is_err(), "{wrong}");

@@ -5,11 +5,13 @@
 #![no_std]
 #![no_main]
 
+mod ends;
+
 use core::hint::black_box;
-use core::panic::PanicInfo;
 use cortex_m_rt::entry;
 use decoder_core::qmd::{Clip, Decoder};
 use decoder_core::{Error, I16F16, Limits};
+use ends::{failed, finished};
 
 include!(concat!(env!("OUT_DIR"), "/sizes.rs"));
 include!(concat!(env!("OUT_DIR"), "/nops.rs"));
@@ -55,27 +57,4 @@ fn waste() {
         // SAFETY: does nothing, several times.
         unsafe { core::arch::asm!(".rept {}", "nop", ".endr", const NOPS) };
     }
-}
-
-/// Where the image ends up when all went well.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn finished() -> ! {
-    loop {
-        black_box(());
-    }
-}
-
-/// Where it ends up otherwise.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn failed() -> ! {
-    loop {
-        black_box(1);
-    }
-}
-
-#[panic_handler]
-fn panic(_: &PanicInfo<'_>) -> ! {
-    failed()
 }

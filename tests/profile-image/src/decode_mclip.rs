@@ -2,12 +2,14 @@
 #![no_std]
 #![no_main]
 
+mod ends;
+
 use core::hint::black_box;
-use core::panic::PanicInfo;
 use cortex_m_rt::entry;
 use decoder_core::mclip::{Clip, Decoder, Memory, State};
 use decoder_core::predict::Correlation;
 use decoder_core::{Error, I16F16, Limits};
+use ends::{failed, finished};
 
 include!(concat!(env!("OUT_DIR"), "/mclip_sizes.rs"));
 
@@ -29,39 +31,17 @@ fn main() -> ! {
     finished()
 }
 
-/// Checks the clip and makes its decoder, which builds the tables of the entropy stage.
+/// Checks the clip, its blocks unless that is for later, and makes its decoder, which builds the tables of the entropy stage.
 #[inline(never)]
 #[unsafe(no_mangle)]
 fn open(bytes: &'static [u8], memory: Memory<'static>) -> Result<Decoder<'static, 'static>, Error> {
-    Clip::parse(bytes, Limits::MAX)?.decoder(memory)
+    let clip = Clip::parse(bytes, Limits::MAX)?;
+    if VERIFY_BLOCKS { clip } else { clip.verify()? }.decoder(memory)
 }
 
-/// What is measured: one frame, and the checksum of a block where it begins one.
+/// What is measured: one frame, and with `VERIFY_BLOCKS` the checksum of a block where it begins one.
 #[inline(never)]
 #[unsafe(no_mangle)]
 fn decode_frame<'d>(decoder: &'d mut Decoder<'_, '_>) -> Option<&'d [I16F16]> {
     decoder.next_frame().ok().flatten()
-}
-
-/// Where the image ends up when all went well.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn finished() -> ! {
-    loop {
-        black_box(());
-    }
-}
-
-/// Where it ends up otherwise.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn failed() -> ! {
-    loop {
-        black_box(1);
-    }
-}
-
-#[panic_handler]
-fn panic(_: &PanicInfo<'_>) -> ! {
-    failed()
 }

@@ -4,34 +4,34 @@
 #![no_std]
 #![no_main]
 
+mod ends;
+#[cfg_attr(mclip, path = "store_mclip.rs")]
+#[cfg_attr(not(mclip), path = "store_qmd.rs")]
+mod store;
+
 use core::hint::black_box;
-use core::panic::PanicInfo;
 use cortex_m_rt::entry;
-use decoder_core::qmd::{Clip, Decoder};
-use decoder_core::{I16F16, Limits};
+use ends::{failed, finished};
 use firmware::drive::buffer_len;
 use firmware::dynamixel::sync_write::goal_positions;
 use firmware::map::{JointMap, MAX_SERVOS};
 use firmware::player::{Player, Repeat};
+use store::{Decoder, Memory};
 
-include!(concat!(env!("OUT_DIR"), "/sizes.rs"));
-
-static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip.qmd"));
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 
 /// The player, and memory for a packet.
 struct Stage {
-    player: Player<'static, Decoder<'static, 'static>, MAX_SERVOS>,
+    player: Player<'static, Decoder, MAX_SERVOS>,
     packet: [u8; buffer_len(MAX_SERVOS)],
 }
 
 #[entry]
 fn main() -> ! {
-    static mut POSE: [I16F16; CHANNELS] = [I16F16::ZERO; CHANNELS];
-    static mut WORDS: [i32; TABLE] = [0; TABLE];
+    static mut MEMORY: Memory = Memory::EMPTY;
     static mut JOINTS: Option<JointMap<MAX_SERVOS>> = None;
     static mut STAGE: Option<Stage> = None;
-    if open(STAGE, JOINTS, POSE, WORDS).is_none() {
+    if open(STAGE, JOINTS, MEMORY).is_none() {
         failed();
     }
     let Some(stage) = STAGE else { failed() };
@@ -46,14 +46,11 @@ fn main() -> ! {
 fn open(
     stage: &mut Option<Stage>,
     joints: &'static mut Option<JointMap<MAX_SERVOS>>,
-    pose: &'static mut [I16F16],
-    words: &'static mut [i32],
+    memory: &'static mut Memory,
 ) -> Option<()> {
     let map: &'static JointMap<MAX_SERVOS> = joints.insert(JointMap::parse(black_box(MAP)).ok()?);
-    let clip = Clip::parse(black_box(CLIP), Limits::MAX).ok()?;
-    let table = if TABLE == 0 { None } else { Some(words) };
-    let decoder = clip.decoder(pose, table).ok()?;
-    let player = Player::new(decoder, clip.rate_centihertz(), map, Repeat::Once).ok()?;
+    let (decoder, rate_centihertz) = store::decoder(memory).ok()?;
+    let player = Player::new(decoder, rate_centihertz, map, Repeat::Once).ok()?;
     *stage = Some(Stage { player, packet: [0; buffer_len(MAX_SERVOS)] });
     Some(())
 }
@@ -64,27 +61,4 @@ fn open(
 fn decode_frame(stage: &mut Stage) -> Option<&[u8]> {
     let goals = stage.player.tick()?;
     goal_positions(&mut stage.packet, goals).ok()
-}
-
-/// Where the image ends up when all went well.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn finished() -> ! {
-    loop {
-        black_box(());
-    }
-}
-
-/// Where it ends up otherwise.
-#[inline(never)]
-#[unsafe(no_mangle)]
-fn failed() -> ! {
-    loop {
-        black_box(1);
-    }
-}
-
-#[panic_handler]
-fn panic(_: &PanicInfo<'_>) -> ! {
-    failed()
 }

@@ -1,0 +1,134 @@
+//! A compressed clip of either kind.
+
+use anyhow::{Context, Result};
+use decoder_core::{I16F16, Limits, mclip, qmd};
+use encoder::mclip::Lent;
+use firmware::player::Frames;
+use std::path::Path;
+
+/// A clip in one of our two containers, which was checked.
+pub enum Clip<'a> {
+    /// A .qmd.
+    Qmd(qmd::Clip<'a>),
+    /// A .mclip.
+    Mclip(mclip::Clip<'a>),
+}
+
+/// Whether these are the bytes of a .mclip. A .qmd that began like one would have 1.3 thousand million frames.
+pub fn is_mclip(bytes: &[u8]) -> bool {
+    bytes.starts_with(&mclip::MAGIC)
+}
+
+impl<'a> Clip<'a> {
+    /// Checks the bytes of the file `path`, whose extension or first bytes say the container. Of a .mclip every block
+    /// is decoded once, so that none is found damaged later.
+    ///
+    /// # Errors
+    /// A sentence that names the file and the byte.
+    pub fn parse(path: &Path, bytes: &'a [u8]) -> Result<Self> {
+        let name = path.display();
+        let extension = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mclip"));
+        if extension || is_mclip(bytes) {
+            return Self::parse_mclip(bytes).with_context(|| format!("{name} is not a sound mclip"));
+        }
+        let clip = qmd::Clip::parse(bytes, Limits::MAX);
+        Ok(Self::Qmd(clip.with_context(|| format!("{name} is not a QMD clip"))?))
+    }
+
+    fn parse_mclip(bytes: &'a [u8]) -> Result<Self, decoder_core::Error> {
+        let clip = mclip::Clip::parse(bytes, Limits::MAX)?;
+        let mut lent = Lent::new(clip.header().needs());
+        let mut decoder = clip.decoder(lent.memory())?;
+        while decoder.next_frame()?.is_some() {}
+        Ok(Self::Mclip(clip))
+    }
+
+    /// Frames a second in hundredths; 0 where the clip does not say.
+    pub fn rate_centihertz(&self) -> u16 {
+        match self {
+            Self::Qmd(clip) => clip.rate_centihertz(),
+            Self::Mclip(clip) => clip.header().rate_centihertz(),
+        }
+    }
+
+    /// Values in a frame.
+    pub fn channels(&self) -> usize {
+        match self {
+            Self::Qmd(clip) => clip.channels(),
+            Self::Mclip(clip) => clip.channels(),
+        }
+    }
+
+    /// Frames.
+    pub fn frames(&self) -> u32 {
+        match self {
+            Self::Qmd(clip) => clip.frames(),
+            Self::Mclip(clip) => clip.frames(),
+        }
+    }
+
+    /// Gives `play` a decoder that is before the first frame.
+    ///
+    /// # Errors
+    /// Those of `play`.
+    pub fn decode<T>(&self, play: impl FnOnce(&mut dyn Frames) -> Result<T>) -> Result<T> {
+        match self {
+            Self::Qmd(clip) => {
+                let mut pose = vec![I16F16::ZERO; clip.channels()];
+                let mut table = vec![0; clip.table_len()];
+                play(&mut clip.decoder(&mut pose, Some(&mut table))?)
+            }
+            Self::Mclip(clip) => {
+                let mut lent = Lent::new(clip.header().needs());
+                play(&mut clip.decoder(lent.memory())?)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use decoder_core::mclip::CodecId;
+    use encoder::mclip::{Encoder, Quality, Settings};
+    use encoder::qmd::{Method, Parameters};
+
+    fn frames(clip: &Clip<'_>) -> Vec<Vec<I16F16>> {
+        let all = clip.decode(|decoder| {
+            let mut frames = Vec::new();
+            while let Some(frame) = decoder.next_frame() {
+                frames.push(frame.to_vec());
+            }
+            Ok(frames)
+        });
+        all.unwrap()
+    }
+
+    #[test]
+    fn both_containers_are_known_by_what_they_hold() {
+        let sample = encoder::sample::clip();
+        let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
+        let mut mclip = encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Bits(8));
+        let qmd = encoder::qmd::encode(&sample, Parameters::TABLE_1, Method::ClosedLoop).unwrap();
+        for (bytes, in_blocks) in [(&mclip, true), (&qmd, false)] {
+            let clip = Clip::parse(Path::new("clip"), bytes).unwrap();
+            assert_eq!(matches!(clip, Clip::Mclip(_)), in_blocks);
+            assert_eq!((clip.frames(), clip.channels(), clip.rate_centihertz()), (480, 31, 6000));
+            let frames = frames(&clip);
+            assert_eq!(frames.len(), 480);
+            let off = |frame: usize, channel: usize| {
+                (frames[frame][channel].to_num::<f64>() - sample.motion.frame(frame)[channel]).abs()
+            };
+            assert!((0..480).all(|frame| (6..31).all(|channel| off(frame, channel) < 3.0)));
+        }
+        let error = |path: &str, bytes: &[u8]| {
+            format!("{:#}", Clip::parse(Path::new(path), bytes).err().expect("a wrong clip"))
+        };
+        assert!(error("a.mclip", &qmd).starts_with("a.mclip is not a sound mclip: "));
+        assert!(error("a.qmd", &qmd[..100]).starts_with("a.qmd is not a QMD clip: "));
+        // A damaged block is found before anything plays.
+        let last = mclip.len() - 1;
+        mclip[last] ^= 1;
+        assert!(error("a.mclip", &mclip).contains("checksum"), "{}", error("a.mclip", &mclip));
+    }
+}

@@ -1,0 +1,203 @@
+//! Finds the settings of a .mclip whose most expensive frame a core can afford.
+
+use crate::clip::Clip;
+use crate::profile::{self, measure};
+use crate::thumb::Core;
+use anyhow::{Context, Result, anyhow, bail};
+use decoder_core::mclip::{CodecId, EntropyId};
+use encoder::mclip::{Encoded, Encoder, Predictor, Quality, Settings, Target};
+use encoder::metrics::Evaluator;
+use std::path::Path;
+use std::str::FromStr;
+
+/// Most cycles that a frame may take on a core, the flash without wait states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limit {
+    /// Cycles of the most expensive frame.
+    pub cycles: u64,
+    /// The core; the Cortex-M4 unless one is named.
+    pub core: Core,
+}
+
+impl FromStr for Limit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (cycles, core) = text.split_once('@').unwrap_or((text, Core::M4.name()));
+        let cycles = cycles.parse().ok().filter(|&cycles| cycles > 0);
+        let cycles =
+            cycles.ok_or_else(|| "expected cycles, for instance 6000 or 6000@cortex-m0plus".to_owned())?;
+        let core = Core::from_name(core).ok_or_else(|| {
+            let names: Vec<&str> = Core::ALL.iter().map(|core| core.name()).collect();
+            format!("expected a core after the @: {}", names.join(", "))
+        })?;
+        Ok(Self { cycles, core })
+    }
+}
+
+/// What a clip should come to besides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// Codes of so many bits, in the fewest bytes.
+    Bits(u8),
+    /// An error in the fewest bytes, or a rate at the smallest error.
+    Target(Target),
+}
+
+/// A clip that was tried.
+#[derive(Clone, Debug)]
+pub struct Tried {
+    /// Its settings.
+    pub settings: Settings,
+    /// The clip.
+    pub encoded: Encoded,
+    /// Cycles of its most expensive frame.
+    pub cycles_max: u64,
+}
+
+/// Sizes of blocks to try. A block's checksum is computed when its first frame is due, so that frame's cycles grow with it.
+pub const BLOCK_BYTES: [u16; 3] = [1024, 256, 64];
+
+/// Settings to try, for a codec and an entropy stage where these are given; every one has the other settings of `base`.
+pub fn candidates(
+    base: &Settings,
+    codec: Option<CodecId>,
+    entropy: Option<EntropyId>,
+    block_bytes: &[u16],
+) -> Vec<Settings> {
+    let codecs = codec.map_or(vec![CodecId::Pcm, CodecId::Dpcm, CodecId::Adpcm], |codec| vec![codec]);
+    let entropies = entropy.map_or(vec![EntropyId::Huffman, EntropyId::FixedWidth], |entropy| vec![entropy]);
+    let mut all = Vec::new();
+    for codec in codecs {
+        let standard = Settings::new(codec);
+        let predictors = match codec {
+            CodecId::Dpcm => vec![Predictor::Last, Predictor::First, Predictor::Second],
+            _ if base.codec == codec => vec![base.predictor],
+            _ => vec![standard.predictor],
+        };
+        for predictor in predictors {
+            for &entropy in &entropies {
+                all.extend(block_bytes.iter().map(|&block_bytes| Settings {
+                    entropy: Some(entropy),
+                    predictor,
+                    block_bytes,
+                    entry_frames: base.entry_frames,
+                    adapt_step: base.adapt_step && base.codec == codec,
+                    ..standard
+                }));
+            }
+        }
+    }
+    all
+}
+
+/// A sentence's name for settings, for instance `dpcm, second order, huffman, blocks of 256 bytes`.
+pub fn name(settings: &Settings) -> String {
+    let predictor = match settings.predictor {
+        _ if settings.codec != CodecId::Dpcm && settings.codec != CodecId::Adpcm => "",
+        Predictor::Last => ", last value",
+        Predictor::First => ", first order",
+        Predictor::Second => ", second order",
+        Predictor::Adaptive { .. } => ", adaptive predictor",
+    };
+    let step = if settings.adapt_step { ", adaptive step" } else { "" };
+    let entropy = settings.entropy.map_or("smallest", EntropyId::name);
+    format!("{}{predictor}{step}, {entropy}, blocks of {} bytes", settings.codec.name(), settings.block_bytes)
+}
+
+/// Encodes with every candidate, and gives the best clip whose most expensive frame is within the limit: clips are run on
+/// the simulated core from the best on, until one is. `progress` is told what is being done.
+///
+/// # Errors
+/// Where none is within the limit, a sentence that names the one with the fewest cycles; those of building and running
+/// images.
+pub fn best(
+    encoder: &Encoder<'_>,
+    evaluator: &Evaluator,
+    candidates: &[Settings],
+    goal: Goal,
+    limit: Limit,
+    progress: &mut dyn FnMut(String),
+) -> Result<Tried> {
+    let mut clips = Vec::new();
+    for settings in candidates {
+        progress(format!("encoding as {}", name(settings)));
+        let encoded = match goal {
+            Goal::Bits(bits) if bits > settings.most_bits() => continue,
+            Goal::Bits(bits) => encoder.measured(settings, Quality::Bits(bits), evaluator),
+            Goal::Target(target) => encoder.encode_to(settings, target, evaluator),
+        };
+        if reaches(encoder, &encoded, goal) {
+            clips.push((settings, encoded));
+        }
+    }
+    let cost = |encoded: &Encoded| match goal {
+        Goal::Target(Target::Rate(_)) => encoded.mean_joint_cm,
+        _ => encoded.bytes.len() as f64,
+    };
+    clips.sort_by(|(_, one), (_, other)| cost(one).total_cmp(&cost(other)));
+    let mut least: Option<Tried> = None;
+    for (settings, encoded) in clips {
+        progress(format!("counting cycles of {}", name(settings)));
+        let cycles_max = worst_frame(&encoded.bytes, limit.core).with_context(|| name(settings))?;
+        let tried = Tried { settings: *settings, encoded, cycles_max };
+        if cycles_max <= limit.cycles {
+            return Ok(tried);
+        }
+        if least.as_ref().is_none_or(|least| cycles_max < least.cycles_max) {
+            least = Some(tried);
+        }
+    }
+    let Some(least) = least else { bail!("no codec comes to what was asked for, whatever its cycles") };
+    bail!(
+        "the fewest cycles of a worst frame on {} are {}, with {} in {} bytes, above the limit of {}",
+        limit.core.name(),
+        least.cycles_max,
+        name(&least.settings),
+        least.encoded.bytes.len(),
+        limit.cycles
+    )
+}
+
+/// Whether a clip comes to what it should: an error to 3 %, or a rate.
+fn reaches(encoder: &Encoder<'_>, encoded: &Encoded, goal: Goal) -> bool {
+    match goal {
+        Goal::Bits(_) => true,
+        Goal::Target(Target::Error(cm)) => encoded.mean_joint_cm <= cm * 1.03,
+        Goal::Target(Target::Rate(rate)) => encoder.rate(&encoded.bytes) <= rate,
+    }
+}
+
+/// Cycles of a clip's most expensive frame.
+fn worst_frame(bytes: &[u8], core: Core) -> Result<u64> {
+    let clip = Clip::parse(Path::new("clip.mclip"), bytes)?;
+    let image = profile::mclip_images(bytes, &[core.target()])?.concat();
+    let measured = measure::run(core, &image, 0, &profile::frames(&clip)?, &mut || ())?;
+    measured.frame_cycles.iter().copied().max().ok_or_else(|| anyhow!("the clip has no frames"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_names_a_core_or_not() {
+        assert_eq!("6000".parse(), Ok(Limit { cycles: 6000, core: Core::M4 }));
+        assert_eq!("12000@cortex-m0plus".parse(), Ok(Limit { cycles: 12_000, core: Core::M0Plus }));
+        for wrong in ["", "0", "-3", "5%", "@cortex-m4"] {
+            assert!(wrong.parse::<Limit>().unwrap_err().starts_with("expected cycles"), "{wrong}");
+        }
+        assert!("5@z80".parse::<Limit>().unwrap_err().contains("cortex-m33"));
+    }
+
+    #[test]
+    fn what_is_given_is_not_varied() {
+        let base = Settings { entry_frames: 99, adapt_step: true, ..Settings::new(CodecId::Adpcm) };
+        let given = candidates(&base, Some(CodecId::Adpcm), Some(EntropyId::FixedWidth), &[300]);
+        let expected = Settings { entropy: Some(EntropyId::FixedWidth), block_bytes: 300, ..base };
+        assert_eq!(given, [expected]);
+        let free = candidates(&Settings::new(CodecId::Dpcm), None, None, &BLOCK_BYTES);
+        assert_eq!(free.len(), 5 * 2 * 3);
+        assert_eq!(name(&free[0]), "pcm, huffman, blocks of 1024 bytes");
+    }
+}
