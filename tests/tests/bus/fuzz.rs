@@ -137,7 +137,7 @@ impl Servos for Babble {
         answers
     }
 
-    fn seal(&self, _packet: &mut Vec<u8>) {}
+    fn seal(&self, _packet: &mut [u8]) {}
 
     fn places(&self) -> (usize, usize) {
         (0, 0)

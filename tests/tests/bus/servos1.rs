@@ -187,7 +187,7 @@ impl Protocol1 {
     }
 
     fn obey(&mut self, id: u8, body: &[u8], now: u64) -> Vec<(u64, Vec<u8>)> {
-        let (&code, parameters) = body.split_first().unwrap();
+        let (&code, parameters) = body.split_first().expect("a packet has an instruction");
         let Self { servos, complaints, kind, .. } = self;
         let mut awake: Vec<&mut Servo> =
             servos.iter_mut().filter(|servo| !servo.dead && servo.boots_until <= now).collect();
@@ -247,7 +247,7 @@ impl Servos for Protocol1 {
         answers
     }
 
-    fn seal(&self, packet: &mut Vec<u8>) {
+    fn seal(&self, packet: &mut [u8]) {
         seal(packet);
     }
 

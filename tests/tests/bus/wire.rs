@@ -16,7 +16,7 @@ pub trait Servos {
     fn hear(&mut self, bytes: &[u8], now_ns: u64) -> Vec<(u64, Vec<u8>)>;
 
     /// Makes length and checksum right again after a packet's content was changed.
-    fn seal(&self, packet: &mut Vec<u8>);
+    fn seal(&self, packet: &mut [u8]);
 
     /// Position of the id in a packet, and of the low byte of its length.
     fn places(&self) -> (usize, usize);
