@@ -31,19 +31,19 @@ pub const fn unsigned(code: i32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Random;
+    use crate::testing::{Random, stride, times};
 
     #[test]
     fn scaling_is_the_floor_of_the_product() {
         let edges = [i32::MIN, i32::MIN + 1, -65537, -65536, -65535, -1, 0, 1, 65535, 65536, i32::MAX];
         let reference = |x: i32, factor: i16| ((i64::from(x) * i64::from(factor)) >> 16) as i32;
-        for factor in i16::MIN..=i16::MAX {
+        for factor in (i16::MIN..=i16::MAX).step_by(stride(509)) {
             for x in edges {
                 assert_eq!(scale(x, factor), reference(x, factor), "{x} {factor}");
             }
         }
         let mut random = Random(3);
-        for _ in 0..1_000_000 {
+        for _ in 0..times(1_000_000, 500) {
             let (x, factor) = (random.next() as i32, random.next() as i16);
             assert_eq!(scale(x, factor), reference(x, factor), "{x} {factor}");
         }
@@ -52,7 +52,7 @@ mod tests {
     #[test]
     fn symbols_are_codes_in_the_order_of_their_magnitude() {
         assert_eq!([0, 1, 2, 3, 4].map(signed), [0, -1, 1, -2, 2]);
-        for code in (-70_000..70_000).chain([i32::MIN, i32::MAX]) {
+        for code in (-70_000..70_000).step_by(stride(509)).chain([i32::MIN, i32::MAX]) {
             assert_eq!(signed(unsigned(code)), code);
         }
     }

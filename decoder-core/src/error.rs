@@ -219,7 +219,7 @@ impl fmt::Display for Error {
             }
             Self::Checksum { field, at, found, expected } => write!(
                 f,
-                "byte {at}: the {} was damaged: its CRC-32 is {found:#010x}, expected {expected:#010x}",
+                "byte {at}: damage in the {}: its CRC-32 is {found:#010x}, expected {expected:#010x}",
                 field.name()
             ),
             Self::Limit { field, found, limit } => {
@@ -233,3 +233,85 @@ impl fmt::Display for Error {
 }
 
 impl core::error::Error for Error {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::string::ToString;
+
+    #[test]
+    fn errors_are_sentences_with_their_numbers() {
+        let field = Field::Level;
+        for (error, sentence) in [
+            (
+                Error::Truncated { field, at: 7, needed: 4, found: 3 },
+                "byte 7: hierarchy level should take 4 bytes, but only 3 are left",
+            ),
+            (
+                Error::Malformed { field, at: 7, found: 9, low: 1, high: 8 },
+                "byte 7: hierarchy level is 9, expected 1 to 8",
+            ),
+            (Error::Encoding { field, at: 7 }, "byte 7: the hierarchy level cannot be read"),
+            (
+                Error::Unsupported { field: Field::Version, found: 9 },
+                "format version 9 is not supported by this version of Bunraku",
+            ),
+            (
+                Error::Checksum { field: Field::Payload, at: 7, found: 0xab, expected: 0x1234_5678 },
+                "byte 7: damage in the block's codes: its CRC-32 is 0x000000ab, expected 0x12345678",
+            ),
+            (
+                Error::Limit { field: Field::Frames, found: 9, limit: 8 },
+                "number of frames is 9, more than the limit of 8",
+            ),
+            (
+                Error::OutputTooSmall { field: Field::Pose, needed: 9, lent: 8 },
+                "memory lent for the initial pose holds 8 elements, 9 are needed",
+            ),
+        ] {
+            assert_eq!(error.to_string(), sentence);
+        }
+    }
+
+    /// Two fields of one name would be one in a sentence.
+    #[test]
+    fn fields_have_names_of_their_own() {
+        let mut names = FIELDS.map(Field::name);
+        names.sort_unstable();
+        assert!(names.windows(2).all(|pair| pair[0] < pair[1]), "{names:?}");
+        assert!(names.iter().all(|name| name.len() > 3));
+    }
+
+    const FIELDS: [Field; 30] = [
+        Field::Frames,
+        Field::Channels,
+        Field::Rate,
+        Field::FixedChannels,
+        Field::IndexBits,
+        Field::Level,
+        Field::Pose,
+        Field::Table,
+        Field::Rows,
+        Field::Magic,
+        Field::Version,
+        Field::Header,
+        Field::Codec,
+        Field::Parameters,
+        Field::Entropy,
+        Field::CodeTables,
+        Field::Ram,
+        Field::Delay,
+        Field::Cycles,
+        Field::Channel,
+        Field::Bits,
+        Field::Step,
+        Field::Group,
+        Field::BlockHeader,
+        Field::BlockLength,
+        Field::FirstFrame,
+        Field::Entry,
+        Field::Payload,
+        Field::States,
+        Field::Correlations,
+    ];
+}

@@ -1,5 +1,15 @@
 //! What the tests of several stages share.
 
+/// `count` repetitions, or `in_miri` under Miri, which is a thousand times slower.
+pub const fn times(count: usize, in_miri: usize) -> usize {
+    if cfg!(miri) { in_miri } else { count }
+}
+
+/// The step through a range: every number, or under Miri every so many.
+pub const fn stride(in_miri: usize) -> usize {
+    times(1, in_miri)
+}
+
 /// A generator of numbers that are the same on every run (splitmix64).
 pub struct Random(pub u64);
 

@@ -28,6 +28,7 @@ enum Command {
     Table1(commands::table1::Args),
     Servos(commands::servos::Args),
     Rd(commands::rd::Args),
+    Train(commands::train::Args),
 }
 
 /// Exit code of a check that failed, as against 2 for a usage error.
@@ -60,5 +61,6 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Table1(args) => commands::table1::run(args),
         Command::Servos(args) => commands::servos::run(args),
         Command::Rd(args) => commands::rd::run(args),
+        Command::Train(args) => commands::train::run(args),
     }
 }

@@ -55,16 +55,8 @@ pub struct Tried {
     pub cycles_max: u64,
 }
 
-/// Sizes of blocks to try. A block's checksum is computed when its first frame is due, so that frame's cycles grow with it.
-pub const BLOCK_BYTES: [u16; 3] = [1024, 256, 64];
-
 /// Settings to try, for a codec and an entropy stage where these are given; every one has the other settings of `base`.
-pub fn candidates(
-    base: &Settings,
-    codec: Option<CodecId>,
-    entropy: Option<EntropyId>,
-    block_bytes: &[u16],
-) -> Vec<Settings> {
+pub fn candidates(base: &Settings, codec: Option<CodecId>, entropy: Option<EntropyId>) -> Vec<Settings> {
     let codecs = codec.map_or(vec![CodecId::Pcm, CodecId::Dpcm, CodecId::Adpcm], |codec| vec![codec]);
     let entropies = entropy.map_or(vec![EntropyId::Huffman, EntropyId::FixedWidth], |entropy| vec![entropy]);
     let mut all = Vec::new();
@@ -77,21 +69,21 @@ pub fn candidates(
         };
         for predictor in predictors {
             for &entropy in &entropies {
-                all.extend(block_bytes.iter().map(|&block_bytes| Settings {
+                all.push(Settings {
                     entropy: Some(entropy),
                     predictor,
-                    block_bytes,
+                    block_bytes: base.block_bytes,
                     entry_frames: base.entry_frames,
                     adapt_step: base.adapt_step && base.codec == codec,
                     ..standard
-                }));
+                });
             }
         }
     }
     all
 }
 
-/// A sentence's name for settings, for instance `dpcm, second order, huffman, blocks of 256 bytes`.
+/// A sentence's name for settings, for instance `dpcm, second order, huffman`.
 pub fn name(settings: &Settings) -> String {
     let predictor = match settings.predictor {
         _ if settings.codec != CodecId::Dpcm && settings.codec != CodecId::Adpcm => "",
@@ -102,7 +94,7 @@ pub fn name(settings: &Settings) -> String {
     };
     let step = if settings.adapt_step { ", adaptive step" } else { "" };
     let entropy = settings.entropy.map_or("smallest", EntropyId::name);
-    format!("{}{predictor}{step}, {entropy}, blocks of {} bytes", settings.codec.name(), settings.block_bytes)
+    format!("{}{predictor}{step}, {entropy}", settings.codec.name())
 }
 
 /// Encodes with every candidate, and gives the best clip whose most expensive frame is within the limit: clips are run on
@@ -171,7 +163,7 @@ fn reaches(encoder: &Encoder<'_>, encoded: &Encoded, goal: Goal) -> bool {
 /// Cycles of a clip's most expensive frame.
 fn worst_frame(bytes: &[u8], core: Core) -> Result<u64> {
     let clip = Clip::parse(Path::new("clip.mclip"), bytes)?;
-    let image = profile::mclip_images(bytes, &[core.target()])?.concat();
+    let image = profile::mclip_images(bytes, &[core.target()], false)?.concat();
     let measured = measure::run(core, &image, 0, &profile::frames(&clip)?, &mut || ())?;
     measured.frame_cycles.iter().copied().max().ok_or_else(|| anyhow!("the clip has no frames"))
 }
@@ -192,12 +184,17 @@ mod tests {
 
     #[test]
     fn what_is_given_is_not_varied() {
-        let base = Settings { entry_frames: 99, adapt_step: true, ..Settings::new(CodecId::Adpcm) };
-        let given = candidates(&base, Some(CodecId::Adpcm), Some(EntropyId::FixedWidth), &[300]);
-        let expected = Settings { entropy: Some(EntropyId::FixedWidth), block_bytes: 300, ..base };
+        let base = Settings {
+            entry_frames: 99,
+            block_bytes: 300,
+            adapt_step: true,
+            ..Settings::new(CodecId::Adpcm)
+        };
+        let given = candidates(&base, Some(CodecId::Adpcm), Some(EntropyId::FixedWidth));
+        let expected = Settings { entropy: Some(EntropyId::FixedWidth), ..base };
         assert_eq!(given, [expected]);
-        let free = candidates(&Settings::new(CodecId::Dpcm), None, None, &BLOCK_BYTES);
-        assert_eq!(free.len(), 5 * 2 * 3);
-        assert_eq!(name(&free[0]), "pcm, huffman, blocks of 1024 bytes");
+        let free = candidates(&Settings::new(CodecId::Dpcm), None, None);
+        assert_eq!(free.len(), 5 * 2);
+        assert_eq!(name(&free[0]), "pcm, huffman");
     }
 }

@@ -54,9 +54,7 @@ fn every_truncation_is_refused() {
         for len in 0..vector.bytes.len() {
             let cut = &vector.bytes[..len];
             assert!(sha256_in_place(cut).is_err(), "{} cut at {len}", vector.name);
-            if len % 16 == 0 {
-                assert!(sha256_of_stream(cut, 61).is_err(), "{} cut at {len}", vector.name);
-            }
+            assert!(sha256_of_stream(cut, 61).is_err(), "{} cut at {len}", vector.name);
         }
         let longer = [vector.bytes.as_slice(), &[0]].concat();
         assert!(sha256_in_place(&longer).is_err() && sha256_of_stream(&longer, 61).is_err());
@@ -70,9 +68,7 @@ fn every_single_bit_flip_is_found() {
         for bit in 0..bytes.len() * 8 {
             bytes[bit / 8] ^= 1 << (bit % 8);
             assert!(sha256_in_place(&bytes).is_err(), "{} bit {bit}", vector.name);
-            if bit % 16 == 0 {
-                assert!(sha256_of_stream(&bytes, 61).is_err(), "{} bit {bit}", vector.name);
-            }
+            assert!(sha256_of_stream(&bytes, 61).is_err(), "{} bit {bit}", vector.name);
             bytes[bit / 8] ^= 1 << (bit % 8);
         }
     }
@@ -105,8 +101,8 @@ fn ten_thousand_edits_with_right_checksums_decode_or_are_refused() {
     let mut random = Random(1);
     for vector in all() {
         let (mut decoded, mut refused) = (0, 0);
-        let edits = if vector.bytes.len() > 2048 { 500 } else { 10_000 };
-        for edit in 0..edits {
+        let edits = 10_000;
+        for _ in 0..edits {
             let mut bytes = vector.bytes.clone();
             for _ in 0..1 + random.below(4) {
                 let at = random.below(bytes.len());
@@ -119,9 +115,7 @@ fn ten_thousand_edits_with_right_checksums_decode_or_are_refused() {
             }
             repair(&mut bytes);
             let found = sha256_in_place(&bytes);
-            if edit % 8 == 0 {
-                assert_eq!(found.clone().ok(), sha256_of_stream(&bytes, 61).ok(), "{}", vector.name);
-            }
+            assert_eq!(found.clone().ok(), sha256_of_stream(&bytes, 61).ok(), "{}", vector.name);
             match found {
                 Ok(_) => decoded += 1,
                 Err(_) => refused += 1,

@@ -58,7 +58,7 @@ class Bits:
 
     def signed(self, count):
         value = self.take(count)
-        return value - (value >> count - 1 << count)
+        return value - (value >> (count - 1) << count)
 
     def align(self):
         self.at = (self.at + 7) // 8 * 8
@@ -110,6 +110,7 @@ class State:
         self.low, self.level = channel.low, 0
         self.d1 = self.d2 = 0
         self.r = [0, 0, 0]
+        self.moved = []
 
 
 class FixedWidth:
@@ -305,8 +306,12 @@ class Clip:
         state.x1, state.x2 = wrap(x), x1
         if window:
             e = clamp(wrap(state.x1 - x1) >> 7, -4096, 4095)
-            for i, before in enumerate([e, state.d1, state.d2]):
-                state.r[i] += e * before - (state.r[i] >> window)
+            if window < 15:
+                for i, before in enumerate([e, state.d1, state.d2]):
+                    state.r[i] += e * before - (state.r[i] >> window)
+            else:
+                state.moved = (state.moved + [e])[-window:]
+                state.r = [sum(a * b for a, b in zip(state.moved[k:], state.moved)) for k in range(3)]
             state.d1, state.d2 = e, state.d1
             if (self.number + number) % (1 << self.parameters[19]) == 0:
                 state.alpha = solve(state.r)
@@ -344,6 +349,8 @@ def make(rng, codec, entropy, parameters, tables, records, blocks, ones=0.5):
     """A clip of random codes, of which `ones` are 1; `blocks` has the frames of each, negative for no entry point."""
     m = len(records)
     ram = 16 * m * (2 if codec == ADPCM and parameters[18] else 1)
+    if codec == ADPCM and parameters[18] >= 15:
+        ram += 2 * m * parameters[18]
     if entropy == HUFFMAN:
         ram += 512 * tables[0] * tables[1]
     if entropy == ADAPTIVE:
@@ -475,6 +482,9 @@ def vectors():
         "adpcm-long-window": make(rng, ADPCM, FIXED, still + bytes([6, 3]), b"", edges, [60]),
         "qmd": make(rng, QMD, FIXED, levels, b"", some(3, 3, 2, 4), [25, -8]),
         "qmd-huffman": make(rng, QMD, HUFFMAN, levels, wide, some(3, 3, 3), [25, 30]),
+        "adpcm-sliding-15": make(rng, ADPCM, HUFFMAN, still + bytes([15, 1]), wide, some(6, 6, 0, 6), [60, -30, 30], ones=0.3),
+        "adpcm-sliding-120": make(rng, ADPCM, FIXED, adapts + bytes([120, 4]), b"", some(3, 4, 2), [200, -150]),
+        "adpcm-sliding-edges": make(rng, ADPCM, ADAPTIVE, adapts + bytes([120, 0]), bytes([6]), edges, [260]),
     }
     return {f"{name}.mclip": clip for name, clip in made.items()}
 

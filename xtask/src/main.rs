@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod setup;
+mod verify;
 
 use std::env;
 use std::ffi::OsStr;
@@ -19,6 +20,10 @@ Commands:
   demo       Encode, compare and play the embedded clip, on this machine and on a Cortex-M4 in QEMU
   test       Run all tests; what cannot run here is listed and counted. Arguments go to the test runner
   calibrate  Print how well the simulated cores agree with measurements and other simulators (docs/CYCLES.md)
+  coverage   Print which lines of decoder-core its tests run; fails below 98 % (docs/TESTING.md, as the next three)
+  miri       Interpret the tests of decoder-core, for a little- and a big-endian machine (nightly)
+  fuzz       Fuzz all targets, or `fuzz TARGET SECONDS` (nightly)
+  mutants    Change decoder-core and see which changes its tests miss. Arguments go to cargo-mutants
   setup      Only install what the others need, or say what is missing
 ";
 
@@ -32,6 +37,10 @@ fn main() -> ExitCode {
         (Some("demo"), []) => demo(),
         (Some("test"), _) => test(&rest),
         (Some("calibrate"), []) => calibrate(),
+        (Some("coverage"), []) => verify::coverage(),
+        (Some("miri"), []) => verify::miri(),
+        (Some("fuzz"), [] | [_] | [_, _]) => verify::fuzz(&rest),
+        (Some("mutants"), _) => verify::mutants(&rest),
         (Some("setup"), []) => setup::all().report(),
         _ => {
             eprint!("{USAGE}");

@@ -204,7 +204,7 @@ impl AdaptiveHuffman<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Random;
+    use crate::testing::{Random, times};
     use std::vec;
     use std::vec::Vec;
 
@@ -240,11 +240,11 @@ mod tests {
     #[test]
     fn it_is_a_huffman_code_of_the_counts_at_any_time() {
         let mut random = Random(10);
-        for bits in 1..=MAX_BITS {
+        for bits in 1..=times(MAX_BITS.into(), 3) as u8 {
             let mut memory = memory(bits);
             let mut tree = AdaptiveHuffman::new(bits, &mut memory).unwrap();
             let mut counts = vec![1u64; 1 << bits];
-            for step in 0..3000 {
+            for step in 0..times(3000, 310) {
                 if step % 300 < 3 {
                     check(&tree);
                     let total: u64 =
@@ -266,7 +266,7 @@ mod tests {
         let mut decoder = AdaptiveHuffman::new(5, &mut theirs).unwrap();
         let mut written = Vec::new();
         let mut symbols = Vec::new();
-        for _ in 0..40_000 {
+        for _ in 0..times(40_000, 400) {
             let symbol = if random.below(50) == 0 {
                 31 + random.below(200)
             } else {
@@ -292,7 +292,7 @@ mod tests {
             assert_eq!((&mut decoder).code(&mut bits, 0, 9, &mut 0), Some(signed(symbol)));
         }
         assert_eq!(bits.position(), written.len());
-        assert_eq!(decoder.weight(0), MAX_WEIGHT, "counting stopped");
+        assert!(cfg!(miri) || decoder.weight(0) == MAX_WEIGHT, "counting stopped");
         check(&decoder);
     }
 
@@ -325,6 +325,7 @@ mod tests {
 
     /// Any memory, such as that of another clip, ends in a symbol.
     #[test]
+    #[cfg_attr(miri, ignore = "equal weights of nodes that are not there are looked at one by one: minutes")]
     fn a_tree_of_noise_does_not_hang_in_counting() {
         let mut random = Random(12);
         for _ in 0..300 {

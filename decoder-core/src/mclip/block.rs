@@ -97,53 +97,58 @@ impl BlockHeader {
     }
 }
 
-/// A position in the codes of a block that was verified.
+/// A position in the codes of a block.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cursor {
-    block: BlockHeader,
     /// Where the block's header is in the clip.
     at: usize,
-    /// Frames given.
-    given: u16,
     /// Bits read.
     position: usize,
+    /// Frames left.
+    left: u16,
+    /// Whether the next frame is the first one of an entry point.
+    entry: bool,
 }
 
 impl Cursor {
-    /// Before the first frame of a block.
+    /// Before the first frame of a block, whose header is at byte `at`.
     pub const fn new(block: BlockHeader, at: usize) -> Self {
-        Self { block, at, given: 0, position: 0 }
+        Self { at, position: 0, left: block.frames, entry: block.entry }
     }
 
     /// Decodes the next frame; false after the last one.
+    #[inline(always)]
     pub fn next(&mut self, engine: &mut super::Engine<'_, '_>, codes: &[u8]) -> Result<bool, Error> {
-        if self.given >= self.block.frames {
+        if self.left == 0 {
             return Ok(false);
         }
-        let entry = self.block.entry && self.given == 0;
-        let field = Field::Payload;
-        let at = self.at.saturating_add(BLOCK_HEADER_BYTES);
-        let needed = codes.len().saturating_add(1);
-        self.position = engine.decode(codes, self.position, entry).map_err(|()| Error::Truncated {
-            field,
-            at,
-            needed,
-            found: codes.len(),
-        })?;
-        self.given = self.given.saturating_add(1);
-        if self.given == self.block.frames {
-            let used = self.position.div_ceil(8);
-            if used != codes.len() {
-                let (found, used) = (codes.len() as u32, used as u32);
-                return Err(Error::Malformed {
-                    field: Field::BlockLength,
-                    at: self.at,
-                    found,
-                    low: used,
-                    high: used,
-                });
-            }
+        let Ok(position) = engine.decode(codes, self.position, self.entry) else {
+            return Err(self.truncated(codes.len()));
+        };
+        self.position = position;
+        self.entry = false;
+        self.left = self.left.wrapping_sub(1);
+        let used = position.wrapping_add(7) >> 3;
+        if self.left == 0 && used != codes.len() {
+            return Err(self.too_long(codes.len(), used));
         }
         Ok(true)
+    }
+
+    /// Whether all of the block's frames were given.
+    pub const fn is_done(&self) -> bool {
+        self.left == 0
+    }
+
+    #[cold]
+    const fn truncated(&self, found: usize) -> Error {
+        let at = self.at.saturating_add(BLOCK_HEADER_BYTES);
+        Error::Truncated { field: Field::Payload, at, needed: found.saturating_add(1), found }
+    }
+
+    #[cold]
+    const fn too_long(&self, found: usize, used: usize) -> Error {
+        let (found, used) = (found as u32, used as u32);
+        Error::Malformed { field: Field::BlockLength, at: self.at, found, low: used, high: used }
     }
 }

@@ -8,7 +8,7 @@ use super::state::{State, pair, unpair};
 use crate::bits::BitReader;
 use crate::entropy::fixed_width::{OCTET, field};
 use crate::entropy::{FixedWidth, SymbolSource};
-use crate::predict::{Constant, Correlation, First, Predict, Second};
+use crate::predict::{Constant, Correlation, First, Predict, Second, Slots};
 use crate::quantise::{Quantise, Uniform};
 use fixed::types::I16F16;
 
@@ -92,6 +92,8 @@ pub(super) struct Channels<'c> {
     pub pose: &'c mut [I16F16],
     pub states: &'c mut [State],
     pub correlations: &'c mut [Correlation],
+    /// The windows of predictors that have a sliding one, channel after channel.
+    pub rings: &'c mut [u16],
     /// Frames since the entry point.
     pub frame: u32,
 }
@@ -100,7 +102,7 @@ impl Channels<'_> {
     /// Goes on to the next frame, whose codes `choose` gives.
     #[inline(always)]
     pub fn step<C: Choose>(self, codec: &Codec<'_>, choose: &mut C) {
-        let Self { pose, states, correlations, frame } = self;
+        let Self { pose, states, correlations, rings, frame } = self;
         match codec {
             Codec::Pcm => serial(pose, states, &Constant, &Uniform, choose),
             Codec::MuLaw(law) => serial(pose, states, &First, law, choose),
@@ -110,7 +112,24 @@ impl Channels<'_> {
                 serial(pose, states, &Second, quantiser, choose);
             }
             Codec::Adpcm(Adpcm { quantiser, predictor: Some(adaptation) }) => {
-                adaptive(pose, states, correlations, *adaptation, frame, quantiser, choose);
+                let adaptation = *adaptation;
+                let words = adaptation.ring_words();
+                if words > 0 {
+                    let slots = Slots::at(frame, adaptation.window);
+                    let rings = correlations.iter_mut().zip(rings.chunks_exact_mut(words));
+                    let follow = rings.map(|(correlation, ring)| Sliding { correlation, ring, slots });
+                    adaptive(pose, states, follow, quantiser, choose);
+                } else {
+                    let window = adaptation.window.into();
+                    let follow =
+                        correlations.iter_mut().map(|correlation| Exponential { correlation, window });
+                    if quantiser.adapts() {
+                        adaptive(pose, states, follow, quantiser, choose);
+                    } else {
+                        adaptive(pose, states, follow, &Uniform, choose);
+                    }
+                }
+                solve(states, correlations, adaptation, frame);
             }
             Codec::Qmd(table) => serial(pose, states, &First, table, choose),
         }
@@ -123,6 +142,7 @@ impl Channels<'_> {
         match codec {
             Codec::Pcm => octets(self.pose, self.states, &Constant, &Uniform, codes),
             Codec::Dpcm { order: 0 | 1 } => octets(self.pose, self.states, &First, &Uniform, codes),
+            Codec::Dpcm { .. } => octets(self.pose, self.states, &Second, &Uniform, codes),
             Codec::Adpcm(Adpcm { quantiser, predictor: None }) => {
                 octets(self.pose, self.states, &Second, quantiser, codes)
             }
@@ -172,32 +192,68 @@ fn serial<P: Predict, Q: Quantise, C: Choose>(
     choose.end(running);
 }
 
+/// What follows a channel's movements.
+trait Follow {
+    fn correlation(&self) -> &Correlation;
+
+    /// Takes in a movement.
+    fn add(&mut self, movement: i32);
+}
+
+/// By an exponential window.
+struct Exponential<'c> {
+    correlation: &'c mut Correlation,
+    window: u32,
+}
+
+impl Follow for Exponential<'_> {
+    #[inline(always)]
+    fn correlation(&self) -> &Correlation {
+        self.correlation
+    }
+
+    #[inline(always)]
+    fn add(&mut self, movement: i32) {
+        self.correlation.add(movement, self.window);
+    }
+}
+
+/// By a sliding window.
+struct Sliding<'c> {
+    correlation: &'c mut Correlation,
+    ring: &'c mut [u16],
+    slots: Slots,
+}
+
+impl Follow for Sliding<'_> {
+    #[inline(always)]
+    fn correlation(&self) -> &Correlation {
+        self.correlation
+    }
+
+    #[inline(always)]
+    fn add(&mut self, movement: i32) {
+        self.correlation.slide(movement, self.ring, self.slots);
+    }
+}
+
 /// Channel after channel, where coefficients follow the channel.
-///
-/// Channel c solves for its coefficients after frame n since the entry point where n + c is a multiple of the
-/// period, so that the divisions of a frame's channels are spread over the period.
 #[inline(never)]
-fn adaptive<Q: Quantise, C: Choose>(
+fn adaptive<F: Follow, Q: Quantise, C: Choose>(
     pose: &mut [I16F16],
     states: &mut [State],
-    correlations: &mut [Correlation],
-    adaptation: Adaptation,
-    frame: u32,
+    followers: impl Iterator<Item = F>,
     quantise: &Q,
     choose: &mut C,
 ) {
     let mut running = choose.begin();
-    let mask = 1u32.wrapping_shl(adaptation.period.into()).wrapping_sub(1);
     let mut channel = 0usize;
-    for ((value, state), correlation) in pose.iter_mut().zip(states).zip(correlations) {
+    for ((value, state), mut follower) in pose.iter_mut().zip(states).zip(followers) {
         let last = value.to_bits();
-        let predicted = correlation.predict(unpair(state.second), last);
+        let predicted = follower.correlation().predict(unpair(state.second), last);
         if let Some(code) = choose.code(&mut running, channel, predicted, quantise, state) {
             let next = predicted.wrapping_add(quantise.difference(code, &mut state.step, state.bits));
-            correlation.add(next.wrapping_sub(last), adaptation.window.into());
-            if frame.wrapping_add(channel as u32) & mask == 0 {
-                state.second = pair(correlation.solve());
-            }
+            follower.add(next.wrapping_sub(last));
             *value = I16F16::from_bits(next);
         }
         channel = channel.wrapping_add(1);
@@ -205,19 +261,36 @@ fn adaptive<Q: Quantise, C: Choose>(
     choose.end(running);
 }
 
-/// Marks the octets of channels whose codes all have as many bits, for [`octets`]: in the first channel these bits, or 0
-/// where they differ, and in the second how many octets in sequence are like it, as far as a byte can say.
+/// Solves for the coefficients of channel c after frame n since the entry point where n + c is a multiple of the period,
+/// so that the divisions of a frame's channels are spread over the period.
+#[inline(never)]
+fn solve(states: &mut [State], correlations: &[Correlation], adaptation: Adaptation, frame: u32) {
+    let period = 1usize.wrapping_shl(adaptation.period.into());
+    let first = (frame.wrapping_neg() as usize) & period.wrapping_sub(1);
+    let mut channels = states.get_mut(first..).unwrap_or_default();
+    let mut correlations = correlations.get(first..).unwrap_or_default();
+    while let (Some(state), Some(correlation)) = (channels.first_mut(), correlations.first()) {
+        state.second = pair(correlation.solve());
+        channels = channels.get_mut(period..).unwrap_or_default();
+        correlations = correlations.get(period..).unwrap_or_default();
+    }
+}
+
+/// Widths that [`equal`] is compiled for.
+const WIDTHS: core::ops::RangeInclusive<u8> = 4..=8;
+
+/// Marks octets of channels whose codes all have as many bits, for [`octets`]: in the first channel these bits, or 0
+/// where they differ, and in the second how many octets in sequence are like it, as far as a byte can say. The last octet
+/// may have fewer channels.
 pub(super) fn mark_octets(states: &mut [State]) {
-    let (octets, _) = states.as_chunks_mut::<OCTET>();
     let (mut width_after, mut alike) = (0u8, 0u8);
-    for octet in octets.iter_mut().rev() {
-        let [first, second, others @ ..] = octet;
-        let same = second.bits == first.bits && others.iter().all(|other| other.bits == first.bits);
-        let width = if same && first.bits <= 8 { first.bits } else { 0 };
+    for octet in states.chunks_mut(OCTET).rev() {
+        let bits = octet.first().map_or(0, |first| first.bits);
+        let same = octet.iter().all(|channel| channel.bits == bits);
+        let width = if same && WIDTHS.contains(&bits) { bits } else { 0 };
         alike = if width == width_after { alike.saturating_add(1) } else { 1 };
         width_after = width;
-        first.context = width;
-        second.context = alike;
+        octet.iter_mut().zip([width, alike]).for_each(|(channel, context)| channel.context = context);
     }
 }
 
@@ -230,27 +303,20 @@ fn octets<'b, P: Predict, Q: Quantise>(
     quantise: &Q,
     mut codes: &'b [u8],
 ) -> Option<&'b [u8]> {
-    while !states.is_empty() {
-        let (width, count) = match states.first_chunk::<OCTET>() {
-            Some([first, second, ..]) => (first.context, second.context),
-            None => (0, 1),
-        };
-        let done = usize::from(count).wrapping_mul(OCTET).min(states.len());
+    while let Some(first) = states.first() {
+        let (width, alike) = (first.context, states.get(1).map_or(1, |second| second.context));
+        let done = usize::from(alike).wrapping_mul(OCTET).min(states.len());
         let (now, later) = pose.split_at_mut_checked(done)?;
         let (states_now, states_later) = states.split_at_mut_checked(done)?;
-        let run = Run { pose: now, states: states_now, count, codes };
         codes = match width {
-            1 => run.equal::<1, P, Q>(predict, quantise)?,
-            2 => run.equal::<2, P, Q>(predict, quantise)?,
-            3 => run.equal::<3, P, Q>(predict, quantise)?,
-            4 => run.equal::<4, P, Q>(predict, quantise)?,
-            5 => run.equal::<5, P, Q>(predict, quantise)?,
-            6 => run.equal::<6, P, Q>(predict, quantise)?,
-            7 => run.equal::<7, P, Q>(predict, quantise)?,
-            8 => run.equal::<8, P, Q>(predict, quantise)?,
+            4 => equal::<4, P, Q>(now, states_now, predict, quantise, codes)?,
+            5 => equal::<5, P, Q>(now, states_now, predict, quantise, codes)?,
+            6 => equal::<6, P, Q>(now, states_now, predict, quantise, codes)?,
+            7 => equal::<7, P, Q>(now, states_now, predict, quantise, codes)?,
+            8 => equal::<8, P, Q>(now, states_now, predict, quantise, codes)?,
             _ => {
                 let mut decode = Decode { codes, position: 0, source: FixedWidth };
-                serial(run.pose, run.states, predict, quantise, &mut decode);
+                serial(now, states_now, predict, quantise, &mut decode);
                 codes.get(decode.position.wrapping_add(7) >> 3..)?
             }
         };
@@ -259,34 +325,52 @@ fn octets<'b, P: Predict, Q: Quantise>(
     Some(codes)
 }
 
-/// Octets that are alike.
-struct Run<'c, 'b> {
-    pose: &'c mut [I16F16],
-    states: &'c mut [State],
-    /// Number of octets: a byte, so that the compiler sees that no product with a width wraps, and need not divide by it.
-    count: u8,
+/// Channels whose codes all have `BITS` bits; gives the bytes that are left.
+#[inline(never)]
+fn equal<'b, const BITS: usize, P: Predict, Q: Quantise>(
+    pose: &mut [I16F16],
+    states: &mut [State],
+    predict: &P,
+    quantise: &Q,
     codes: &'b [u8],
+) -> Option<&'b [u8]> {
+    let (octets, last) = pose.as_chunks_mut::<OCTET>();
+    let (octets_states, last_states) = states.as_chunks_mut::<OCTET>();
+    // In 16 bits, so that the compiler sees that the product does not wrap, and need not divide by the width.
+    let count = octets.len() as u16;
+    let (whole, rest) = codes.split_at_checked(usize::from(count).wrapping_mul(BITS))?;
+    let step = |value: &mut I16F16, state: &mut State, octet: &[u8; BITS], lane: usize| {
+        let predicted = predict.predict(value.to_bits(), state.second, state.coefficient);
+        next::<P, Q>(value, state, predicted, quantise, field(octet, lane), BITS as u8);
+    };
+    let (whole, _) = whole.as_chunks::<BITS>();
+    for ((octet, states), codes) in octets.iter_mut().zip(octets_states).zip(whole) {
+        // Arrays: this loop is unrolled, and each code is at a place that the compiler knows.
+        for (lane, (value, state)) in octet.iter_mut().zip(states).enumerate() {
+            step(value, state, codes, lane);
+        }
+    }
+    let (taken, left) = rest.split_at_checked(last.len().wrapping_mul(BITS).wrapping_add(7) >> 3)?;
+    let mut lanes = last.iter_mut().zip(last_states);
+    // What is behind the codes does not matter.
+    let scratch;
+    let octet = if let Some(octet) = rest.first_chunk::<BITS>() {
+        octet
+    } else {
+        scratch = filled(taken);
+        &scratch
+    };
+    for lane in 0..OCTET {
+        let Some((value, state)) = lanes.next() else { break };
+        step(value, state, octet, lane);
+    }
+    Some(left)
 }
 
-impl<'b> Run<'_, 'b> {
-    /// Octets whose codes all have `BITS` bits; gives the bytes that are left.
-    #[inline(never)]
-    fn equal<const BITS: usize, P: Predict, Q: Quantise>(
-        self,
-        predict: &P,
-        quantise: &Q,
-    ) -> Option<&'b [u8]> {
-        let (pose, _) = self.pose.as_chunks_mut::<OCTET>();
-        let (states, _) = self.states.as_chunks_mut::<OCTET>();
-        let (codes, left) = self.codes.split_at_checked(usize::from(self.count).wrapping_mul(BITS))?;
-        let (codes, _) = codes.as_chunks::<BITS>();
-        for ((pose, states), octet) in pose.iter_mut().zip(states).zip(codes) {
-            // Arrays: this loop is unrolled, and each code is at a place that the compiler knows.
-            for (lane, (value, state)) in pose.iter_mut().zip(states).enumerate() {
-                let predicted = predict.predict(value.to_bits(), state.second, state.coefficient);
-                next::<P, Q>(value, state, predicted, quantise, field(octet, lane), BITS as u8);
-            }
-        }
-        Some(left)
-    }
+/// Bytes, and zeros up to a whole octet.
+#[cold]
+fn filled<const BITS: usize>(bytes: &[u8]) -> [u8; BITS] {
+    let mut octet = [0; BITS];
+    octet.iter_mut().zip(bytes).for_each(|(slot, &byte)| *slot = byte);
+    octet
 }

@@ -11,6 +11,7 @@
 use super::header::check;
 use crate::error::{Error, Field};
 use crate::predict::adaptive::MAX_WINDOW;
+use crate::predict::window::{LONGEST, SHORTEST};
 use crate::quantise::adaptive::CLASSES;
 use crate::quantise::step::MAX_STEP;
 use crate::quantise::{Adaptive, Lookup, MAX_BITS, MuLaw};
@@ -94,10 +95,18 @@ impl EntropyId {
 /// How the adaptive predictor adapts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Adaptation {
-    /// s: the exponential window has 2^s frames, 1 to [`MAX_WINDOW`].
+    /// s, 1 to [`MAX_WINDOW`]: the exponential window has 2^s frames. Or [`SHORTEST`] to [`LONGEST`]: the sliding window
+    /// has so many.
     pub window: u8,
     /// p: a channel's coefficients are solved for every 2^p frames, 0 to 14.
     pub period: u8,
+}
+
+impl Adaptation {
+    /// Words of a channel's ring: the sliding window's length, none for an exponential one.
+    pub const fn ring_words(self) -> usize {
+        if self.window >= SHORTEST { self.window as usize } else { 0 }
+    }
 }
 
 /// What adapts in adpcm.
@@ -132,7 +141,8 @@ impl Adpcm {
             return Err(Error::Encoding { field: Field::Parameters, at });
         };
         check(Field::Parameters, at, high.into(), low.into(), MAX_STEP.into())?;
-        check(Field::Parameters, at, window.into(), 0, MAX_WINDOW.into())?;
+        let most = if window < SHORTEST { MAX_WINDOW } else { LONGEST };
+        check(Field::Parameters, at, window.into(), 0, most.into())?;
         check(Field::Parameters, at, period.into(), 0, if window == 0 { 0 } else { 14 })?;
         let quantiser = Adaptive { multipliers: multipliers.map(u8::cast_signed), low, high };
         let predictor = (window > 0).then_some(Adaptation { window, period });
@@ -203,6 +213,14 @@ impl<'a> Codec<'a> {
     /// Whether a channel needs a [`Correlation`](crate::predict::Correlation).
     pub const fn adapts_predictor(&self) -> bool {
         matches!(self, Self::Adpcm(Adpcm { predictor: Some(_), .. }))
+    }
+
+    /// Words of a channel's ring, for a predictor with a sliding window.
+    pub const fn ring_words(&self) -> usize {
+        match self {
+            Self::Adpcm(Adpcm { predictor: Some(adaptation), .. }) => adaptation.ring_words(),
+            _ => 0,
+        }
     }
 
     /// Whether the first frame after an entry point has values of its own, instead of codes.

@@ -20,7 +20,8 @@ pub struct Decoder<'a, 's> {
 enum At<'a> {
     /// Between blocks; the next one's header is at this byte.
     Boundary(usize),
-    Inside(Block<'a>, Cursor),
+    /// In a block with these codes, after which the next one's header is at byte `end`.
+    Inside { codes: &'a [u8], end: usize, cursor: Cursor },
     /// After an error, which is repeated until the next seek.
     Failed(Error),
 }
@@ -52,29 +53,30 @@ impl<'a, 's> Decoder<'a, 's> {
             return Ok(false);
         }
         if let At::Boundary(at) = self.at {
-            let block = self.clip.block(at, Some(self.position))?;
-            self.enter(block)?;
+            self.enter(at)?;
         }
         match &mut self.at {
             At::Failed(error) => Err(*error),
             At::Boundary(_) => Ok(false),
-            At::Inside(block, cursor) => {
-                let found = cursor.next(&mut self.engine, block.codes)?;
-                self.position = self.position.saturating_add(1);
-                let end = block.header.first_frame.saturating_add(block.header.frames.into());
-                if self.position >= end {
-                    self.at = At::Boundary(block.end);
+            At::Inside { codes, end, cursor } => {
+                let found = cursor.next(&mut self.engine, codes)?;
+                self.position = self.position.wrapping_add(1);
+                if cursor.is_done() {
+                    self.at = At::Boundary(*end);
                 }
                 Ok(found)
             }
         }
     }
 
-    fn enter(&mut self, block: Block<'a>) -> Result<(), Error> {
+    /// Enters the block whose header is at byte `at`.
+    #[inline(never)]
+    fn enter(&mut self, at: usize) -> Result<(), Error> {
+        let Block { header, at, codes, end } = self.clip.block(at, Some(self.position))?;
         if !self.clip.is_verified() {
-            block.header.verify(block.codes, block.at)?;
+            header.verify(codes, at)?;
         }
-        self.at = At::Inside(block, Cursor::new(block.header, block.at));
+        self.at = At::Inside { codes, end, cursor: Cursor::new(header, at) };
         Ok(())
     }
 

@@ -17,12 +17,12 @@ pub struct Needs {
     pub channels: usize,
     /// Adaptive predictors.
     pub correlations: usize,
-    /// 16-bit words of the entropy stage.
+    /// 16-bit words: of the predictors' sliding windows, and of the entropy stage.
     pub words: usize,
 }
 
 impl Needs {
-    /// In bytes: 16 a channel, 16 more where the predictor adapts, and the entropy stage's words.
+    /// In bytes: 16 a channel, 16 more where the predictor adapts, and the words of windows and entropy stage.
     pub const fn bytes(&self) -> usize {
         self.channels
             .saturating_mul(size_of::<I16F16>().saturating_add(size_of::<State>()))
@@ -40,7 +40,7 @@ pub struct Memory<'s> {
     pub states: &'s mut [State],
     /// An adaptive predictor for every channel, where the codec has one.
     pub correlations: &'s mut [Correlation],
-    /// The entropy stage's.
+    /// The predictors' windows and the entropy stage's.
     pub words: &'s mut [u16],
 }
 
@@ -59,6 +59,8 @@ pub struct Engine<'a, 's> {
     pose: &'s mut [I16F16],
     states: &'s mut [State],
     correlations: &'s mut [Correlation],
+    /// A ring for every channel, where predictors have a sliding window.
+    rings: &'s mut [u16],
     source: Source<'s>,
     /// Frames since the entry point.
     frame: u32,
@@ -73,6 +75,9 @@ impl<'a, 's> Engine<'a, 's> {
         let needs = header.needs();
         let tables = header.opening().tables;
         let words = lent(memory.words, needs.words, Field::CodeTables)?;
+        let of_rings = header.codec().ring_words().saturating_mul(needs.channels);
+        // The needs have both, so there is enough to split.
+        let (rings, words) = words.split_at_mut_checked(of_rings).unwrap_or_default();
         let bad_tables = Error::Encoding { field: Field::CodeTables, at: super::PREFIX_BYTES };
         let source = match header.entropy() {
             EntropyId::FixedWidth => Source::FixedWidth,
@@ -94,6 +99,7 @@ impl<'a, 's> Engine<'a, 's> {
             pose: lent(memory.pose, needs.channels, Field::Pose)?,
             states: lent(memory.states, needs.channels, Field::States)?,
             correlations: lent(memory.correlations, needs.correlations, Field::Correlations)?,
+            rings,
             source,
             frame: 0,
         })
@@ -125,6 +131,7 @@ impl<'a, 's> Engine<'a, 's> {
             pose: self.pose,
             states: self.states,
             correlations: self.correlations,
+            rings: self.rings,
             frame: self.frame,
         };
         match &mut self.source {
@@ -172,6 +179,7 @@ impl<'a, 's> Engine<'a, 's> {
                 pose: self.pose,
                 states: self.states,
                 correlations: self.correlations,
+                rings: self.rings,
                 frame: self.frame,
             };
             channels.step(codec, choose);
@@ -188,7 +196,7 @@ impl<'a, 's> Engine<'a, 's> {
         let mut running = choose.begin();
         let slots = self.pose.iter_mut().zip(self.states.iter_mut());
         let mut index = 0usize;
-        for ((value, state), channel) in slots.zip(self.header.channels()) {
+        for ((value, state), channel) in slots.zip(self.header.unnamed_channels()) {
             let bits = if has_values { channel.entry_bits() } else { 0 };
             let shift = channel.entry_shift;
             let steps =

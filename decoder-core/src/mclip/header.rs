@@ -156,9 +156,15 @@ pub struct Channel<'a> {
 
 impl<'a> Channel<'a> {
     fn read(cursor: &mut Cursor<'a>) -> Result<Self, Error> {
+        let name = cursor.str(Field::Channel)?;
+        Self::read_unnamed(cursor, name)
+    }
+
+    /// Reads what follows the name.
+    fn read_unnamed(cursor: &mut Cursor<'a>, name: &'a str) -> Result<Self, Error> {
         let field = Field::Channel;
         Ok(Self {
-            name: cursor.str(field)?,
+            name,
             unit: cursor.u8(field)?,
             low: cursor.i32(field)?,
             high: cursor.i32(field)?,
@@ -341,6 +347,15 @@ impl<'a> Header<'a> {
         Channels { cursor: Cursor { rest: self.channels, end: self.channels.len() } }
     }
 
+    /// The channels without their names: to check those takes most of the time.
+    pub(super) fn unnamed_channels(&self) -> impl Iterator<Item = Channel<'a>> {
+        let mut channels = self.channels();
+        core::iter::from_fn(move || {
+            channels.cursor.bytes(Field::Channel).ok()?;
+            Channel::read_unnamed(&mut channels.cursor, "").ok()
+        })
+    }
+
     /// The memory that a decoder needs.
     pub fn needs(&self) -> Needs {
         let channels = self.channel_count();
@@ -349,6 +364,7 @@ impl<'a> Header<'a> {
             (EntropyId::AdaptiveHuffman, &[bits]) => AdaptiveHuffman::words(bits),
             _ => 0,
         };
+        let words = words.saturating_add(self.codec.ring_words().saturating_mul(channels));
         let correlations = if self.codec.adapts_predictor() { channels } else { 0 };
         Needs { channels, correlations, words }
     }

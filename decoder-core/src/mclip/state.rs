@@ -41,7 +41,9 @@ impl State {
             Codec::Dpcm { order: 0 } | Codec::Qmd(_) => (size, 0, 0),
             Codec::Dpcm { .. } => (size, value, first),
             Codec::Adpcm(Adpcm { predictor: None, .. }) => (index.into(), value, first),
-            Codec::Adpcm(_) => (index.into(), pair(coefficients), 0),
+            Codec::Adpcm(Adpcm { quantiser, .. }) => {
+                (if quantiser.adapts() { index.into() } else { size }, pair(coefficients), 0)
+            }
         };
         Self { step, second, coefficient, bits, context }
     }

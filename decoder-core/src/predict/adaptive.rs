@@ -16,10 +16,10 @@ pub const MAX_REFLECTION: i32 = 15 << 10;
 
 /// Movements are kept in 512ths of a unit, up to 8 units a frame: in 13 bits, so that a window of their products is in
 /// a word.
-const SHIFT: u32 = 7;
+pub(super) const SHIFT: u32 = 7;
 
 /// Largest movement that is kept.
-const MOST: i32 = (1 << 12) - 1;
+pub(super) const MOST: i32 = (1 << 12) - 1;
 
 /// R(0) below which there was too little movement to say: sums do not decay to zero.
 const LEAST: i32 = 256;
@@ -31,9 +31,9 @@ pub const MAX_WINDOW: u8 = 6;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Correlation {
     /// d(n − 1) and d(n − 2).
-    movements: [i16; 2],
-    /// R(0), R(1) and R(2), decaying sums of products, below 2³¹.
-    sums: [i32; 3],
+    pub(super) movements: [i16; 2],
+    /// R(0), R(1) and R(2), sums of products, decaying or of a window; below 2³¹.
+    pub(super) sums: [i32; 3],
 }
 
 impl Correlation {
@@ -103,7 +103,7 @@ fn ratio(value: i32, over: i32) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Random;
+    use crate::testing::{Random, times};
 
     fn solved(sums: [i32; 3]) -> [f64; 2] {
         Correlation { movements: [0; 2], sums }.solve().map(|c| f64::from(c) / f64::from(ONE))
@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn coefficients_solve_the_normal_equations() {
         let mut random = Random(6);
-        for _ in 0..100_000 {
+        for _ in 0..times(100_000, 300) {
             // Of a stable filter, so that the bounds do not matter.
             let k = [0; 2].map(|_| (random.below(1800) as f64 - 900.0) / 1000.0);
             let r0 = f64::from(1000 + (random.next() >> 3));
@@ -133,7 +133,7 @@ mod tests {
     #[test]
     fn coefficients_are_stable_for_any_sums() {
         let mut random = Random(7);
-        for _ in 0..1_000_000 {
+        for _ in 0..times(1_000_000, 500) {
             let any = |random: &mut Random| random.next() as i32 >> (2 + random.below(30));
             let sums = [any(&mut random).abs(), any(&mut random), any(&mut random)];
             let [first, second] = solved(sums);
@@ -146,8 +146,8 @@ mod tests {
         let mut random = Random(8);
         for window in 1..=u32::from(MAX_WINDOW) {
             let mut channel = Correlation::default();
-            for step in 0..20_000 {
-                let movement = match step / 1000 % 4 {
+            for step in 0..times(20_000, 80) {
+                let movement = match step / times(1000, 20) % 4 {
                     0 => i32::MIN,
                     1 => i32::MAX,
                     2 => random.next() as i32,

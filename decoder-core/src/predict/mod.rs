@@ -4,9 +4,11 @@
 
 pub mod adaptive;
 pub mod fixed;
+pub mod window;
 
 pub use adaptive::Correlation;
 pub use fixed::{Constant, First, Predict, Second};
+pub use window::Slots;
 
 /// A coefficient of 1 of the adaptive predictor.
 pub const ONE: i16 = 1 << 14;

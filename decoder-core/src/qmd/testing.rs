@@ -24,6 +24,11 @@ pub fn layouts() -> Vec<Layout> {
     layouts
 }
 
+/// Whether Miri can afford a layout's tables.
+pub fn affordable(layout: &Layout) -> bool {
+    !cfg!(miri) || layout.index_bits < 10 && layout.channels < 100
+}
+
 /// A sound clip with random content, a segment for every number of rows.
 pub fn clip(layout: Layout, rows: &[u32], random: &mut Random) -> Vec<u8> {
     let mut bytes = Vec::new();

@@ -51,12 +51,13 @@ impl Quantise for Lookup<'_> {
 mod tests {
     use super::*;
     use crate::quantise::step::size;
+    use crate::testing::stride;
     use std::vec::Vec;
 
     #[test]
     fn every_level_of_every_size() {
         for step in [0, 8, 104, 199].map(size) {
-            for part in i16::MIN..=i16::MAX {
+            for part in (i16::MIN..=i16::MAX).step_by(stride(509)) {
                 let bytes = part.to_le_bytes();
                 let table = Lookup::new(&bytes).unwrap();
                 let found = table.difference(0, &mut { step }, 8);
@@ -74,6 +75,7 @@ mod tests {
         let nearest = |difference| table.nearest(difference, size(104), 2);
         assert_eq!([0, -60_000, 40_000, 150_000, i32::MAX].map(nearest), [0, -1, 1, -2, -2]);
         assert_eq!(table.nearest(150_000, size(104), 1), 0);
+        assert_eq!(table.levels(), 4);
         assert!(Lookup::new(&[]).is_none() && Lookup::new(&[1]).is_none());
     }
 }

@@ -104,6 +104,14 @@ fn by_magnitude(levels: &mut [f64]) {
     levels.sort_unstable_by(|a, b| a.abs().total_cmp(&b.abs()));
 }
 
+/// The table of levels that are given in any unit: what the unit is, steps say.
+pub(super) fn bytes_of(levels: &[f64]) -> Vec<u8> {
+    let most = levels.iter().fold(0.0_f64, |most, level| most.max(level.abs()));
+    let mut scaled: Vec<f64> = levels.iter().map(|level| level / most * LARGEST * UNIT).collect();
+    by_magnitude(&mut scaled);
+    bytes(&scaled)
+}
+
 fn bytes(levels: &[f64]) -> Vec<u8> {
     levels.iter().flat_map(|level| (level.round().clamp(-32768.0, 32767.0) as i16).to_le_bytes()).collect()
 }

@@ -9,10 +9,13 @@
 mod bits;
 mod lent;
 mod lookup;
+mod max;
+mod multipliers;
 mod plan;
 mod prefix;
 mod run;
 mod target;
+pub mod train;
 mod writer;
 
 use crate::motion::Motion;
@@ -22,8 +25,10 @@ use decoder_core::Limits;
 use decoder_core::mclip::{Clip, CodecId, EntropyId, Opening, Unit};
 use plan::{Choice, Column};
 use run::Plan;
+use train::Steps;
 
 pub use lent::Lent;
+pub use max::Density;
 pub use target::{Encoded, Target};
 
 /// How values are predicted.
@@ -37,7 +42,7 @@ pub enum Predictor {
     Second,
     /// Second order, adapted by the decoder (7-15 to 7-18); only adpcm has it.
     Adaptive {
-        /// The exponential window has 2 to this power frames.
+        /// 1 to 14: the exponential window has 2 to this power frames; 15 to 120: the sliding window has so many.
         window: u8,
         /// Coefficients are solved for every 2 to this power frames.
         period: u8,
@@ -57,10 +62,12 @@ pub struct Settings {
     pub predictor: Predictor,
     /// adpcm: whether steps adapt.
     pub adapt_step: bool,
-    /// adpcm: log₂ of the step multipliers in eighths.
-    pub multipliers: [i8; 8],
+    /// adpcm: how steps adapt; as was trained for the bits of a code unless given.
+    pub steps: Option<Steps>,
     /// mulaw: μ.
     pub mu: f64,
+    /// qmd: the density whose quantiser by Max the table has; fitted to the motion unless given.
+    pub density: Option<Density>,
     /// Longest block in bytes of codes; a frame that is longer has a block of its own.
     pub block_bytes: u16,
     /// Frames from one entry point to the next.
@@ -90,8 +97,9 @@ impl Settings {
                 CodecId::Adpcm => Predictor::Adaptive { window: 5, period: 4 },
             },
             adapt_step: false,
-            multipliers: [-1, -1, 0, 0, 2, 4, 6, 8],
+            steps: None,
             mu: 255.0,
+            density: None,
             block_bytes: 1024,
             entry_frames: 480,
             dead: if matches!(codec, CodecId::Dpcm | CodecId::Adpcm) { 12 } else { 0 },
@@ -126,6 +134,9 @@ pub enum Quality {
     /// The displacement in cm, root of the sum of squares over the joints, that one step of a channel makes. For
     /// codecs whose steps are free: [`Settings::has_free_steps`].
     Step(f64),
+    /// The step of every channel in its own unit, degrees or centimetres: what has the most PSNR for its bits. For the
+    /// same codecs.
+    Even(f64),
 }
 
 /// A motion made ready to be encoded many times.
@@ -150,18 +161,23 @@ impl<'m> Encoder<'m> {
 
     /// Encodes with these settings, in the smallest entropy stage unless one is given.
     pub fn encode(&self, settings: &Settings, quality: Quality) -> Vec<u8> {
+        let settings = &match quality {
+            Quality::Bits(bits) => {
+                let steps = settings.steps.unwrap_or_else(|| train::trained(bits));
+                Settings { steps: Some(steps), ..*settings }
+            }
+            Quality::Step(_) | Quality::Even(_) => *settings,
+        };
         let (levels, mut choices) = match quality {
             Quality::Bits(bits) => self.by_bits(settings, bits),
-            Quality::Step(cm) => {
-                let parameters = plan::parameters(settings, &[]);
-                (Vec::new(), plan::by_steps(&self.columns, settings, &parameters, &self.steps(cm)))
-            }
+            Quality::Step(cm) => self.by_steps(settings, &self.steps(cm)),
+            Quality::Even(step) => self.by_steps(settings, &vec![65536.0 * step; self.columns.len()]),
         };
         if settings.entropy == Some(EntropyId::FixedWidth) {
             plan::level(&mut choices);
         }
         // Rounding towards zero saves bits only where an entropy stage counts them.
-        let dead = if matches!(quality, Quality::Step(_)) { settings.dead } else { 0 };
+        let dead = if matches!(quality, Quality::Bits(_)) { 0 } else { settings.dead };
         let parameters = plan::parameters(settings, &levels);
         let plan = Plan { dead, ..self.plan(settings, &parameters, &choices) };
         let coded = plan.run(&self.source.targets);
@@ -170,9 +186,27 @@ impl<'m> Encoder<'m> {
         clips.min_by_key(Vec::len).unwrap_or_default()
     }
 
+    /// The choices for steps of so many words.
+    fn by_steps(&self, settings: &Settings, steps: &[f64]) -> (Vec<u8>, Vec<Choice>) {
+        let parameters = plan::parameters(settings, &[]);
+        (Vec::new(), plan::by_steps(&self.columns, settings, &parameters, steps))
+    }
+
     /// The levels of the quantiser, where it has some, and the choices for codes of so many bits.
     fn by_bits(&self, settings: &Settings, bits: u8) -> (Vec<u8>, Vec<Choice>) {
         let bits = bits.clamp(1, settings.most_bits());
+        if let (CodecId::Qmd, Some(density)) = (settings.codec, settings.density) {
+            // An even number of levels has none for 0, which a channel at rest needs.
+            let tables = [(1 << bits) - 1, 1 << bits].map(|count| lookup::bytes_of(&density.levels(count)));
+            let tried = tables.map(|levels| {
+                let choices = plan::by_bits(&self.columns, settings, &levels, bits);
+                let coded = self.plan(settings, &levels, &choices).run(&self.source.targets);
+                (self.weighted_error(&coded.decoded), levels, choices)
+            });
+            let [odd, even] = tried;
+            let (_, levels, choices) = if odd.0 <= even.0 { odd } else { even };
+            return (levels, choices);
+        }
         if settings.codec == CodecId::Qmd {
             let choices = lookup::choices(&self.columns, &self.steps(1.0), bits);
             let run = |levels: &[u8]| self.plan(settings, levels, &choices).run(&self.source.targets);
@@ -186,6 +220,13 @@ impl<'m> Encoder<'m> {
         let settings = Settings { dead: 0, ..*settings };
         let choices = plan::by_bits(&self.columns, &settings, &parameters, bits);
         (levels, choices)
+    }
+
+    /// Sum over frames of the squared displacement of the joints, by how far each channel moves them.
+    fn weighted_error(&self, decoded: &[i32]) -> f64 {
+        let weights = self.source.weights.iter().cycle();
+        let pairs = self.source.targets.iter().zip(decoded).zip(weights);
+        pairs.map(|((a, b), weight)| weight * (f64::from(*a) - f64::from(*b)).powi(2)).sum()
     }
 
     /// The step of every channel in words, where a step moves the joints by `cm`.
@@ -310,7 +351,7 @@ mod tests {
         for settings in all_settings() {
             let mut qualities = vec![Quality::Bits(7)];
             if settings.has_free_steps() {
-                qualities.push(Quality::Step(0.3));
+                qualities.extend([Quality::Step(0.3), Quality::Even(0.5)]);
             }
             for quality in qualities {
                 let encoded = encoder.measured(&settings, quality, &evaluator);

@@ -1,6 +1,7 @@
 //! Chooses what a codec's channels look like for a motion and a quality.
 
 use super::run::{Coded, Plan};
+use super::train::Steps;
 use super::{Predictor, Settings};
 use crate::qmd::Source;
 use decoder_core::entropy::fixed_width::OCTET;
@@ -30,18 +31,19 @@ pub(super) fn parameters(settings: &Settings, levels: &[u8]) -> Vec<u8> {
             _ => 2,
         }],
         CodecId::Adpcm => {
-            let multipliers = if settings.adapt_step { classes(settings.multipliers) } else { [0; CLASSES] };
+            let still = Adaptive { multipliers: [0; CLASSES], low: 0, high: MAX_STEP };
+            let quantiser = settings.steps.filter(|_| settings.adapt_step).map_or(still, Steps::quantiser);
             let predictor = match settings.predictor {
                 Predictor::Adaptive { window, period } => Some(Adaptation { window, period }),
                 _ => None,
             };
-            Adpcm { quantiser: Adaptive { multipliers, low: 0, high: MAX_STEP }, predictor }.bytes().to_vec()
+            Adpcm { quantiser, predictor }.bytes().to_vec()
         }
     }
 }
 
 /// The multipliers of codes' first four bits, from those of magnitudes 0 to 7: codes of four bits, of which −8 counts as 7.
-fn classes(of_magnitudes: [i8; 8]) -> [i8; CLASSES] {
+pub(super) fn classes(of_magnitudes: [i8; 8]) -> [i8; CLASSES] {
     std::array::from_fn(|class| of_magnitudes[if class < 8 { class } else { (16 - class).min(7) }])
 }
 
@@ -60,7 +62,7 @@ pub(super) fn step_index(words: f64) -> u8 {
 /// Gives channels at rest codes too, where all others of their octet have codes of one width: a decoder takes the codes of
 /// equal octets several times as fast.
 pub(super) fn level(choices: &mut [Choice]) {
-    for octet in choices.chunks_exact_mut(OCTET) {
+    for octet in choices.chunks_mut(OCTET) {
         let width = octet.iter().map(|choice| choice.bits).max().unwrap_or(0);
         if octet.iter().all(|choice| choice.bits == 0 || choice.bits == width) {
             octet.iter_mut().for_each(|choice| choice.bits = width);
@@ -146,7 +148,7 @@ impl Column {
     }
 
     /// A plan for this channel alone.
-    fn plan<'p>(&self, settings: &Settings, parameters: &'p [u8], choice: Choice) -> Plan<'p> {
+    pub fn plan<'p>(&self, settings: &Settings, parameters: &'p [u8], choice: Choice) -> Plan<'p> {
         Plan {
             opening: Opening {
                 rate_numerator: 1,
@@ -174,7 +176,7 @@ impl Column {
     }
 
     /// Sum of squared errors, in squared words.
-    fn squared_error(&self, coded: &Coded) -> f64 {
+    pub fn squared_error(&self, coded: &Coded) -> f64 {
         self.targets.iter().zip(&coded.decoded).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum()
     }
 }
@@ -200,7 +202,7 @@ fn candidates(predictor: Predictor, column: &Column) -> Vec<[i16; 2]> {
 }
 
 /// Bits of the codes by their own frequencies.
-fn entropy(codes: &[i32]) -> f64 {
+pub(super) fn entropy(codes: &[i32]) -> f64 {
     let mut sorted = codes.to_vec();
     sorted.sort_unstable();
     let total = codes.len() as f64;

@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use clap::ValueEnum;
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::Clip;
-use encoder::mclip::{Encoder, Predictor, Settings, Target};
+use encoder::mclip::{Density, Encoder, Predictor, Settings, Target};
 use encoder::metrics::Evaluator;
 use encoder::qmd::{self, Parameters};
 use host_sim::files;
@@ -40,7 +40,7 @@ pub struct Args {
     /// Bits per second to stay within (.mclip).
     #[arg(long, value_name = "BITS_PER_S", value_parser = positive, conflicts_with_all = ["bits", "target_error"])]
     target_rate: Option<f64>,
-    /// Most cycles of a frame, of all: tries codecs, entropy stages and block sizes that are not given, counts the cycles of
+    /// Most cycles that any frame may take: tries the codecs and entropy stages that are not given, counts the cycles of
     /// each on a simulated core (cortex-m4 unless named), and keeps the best clip that is within (.mclip).
     #[arg(long, value_name = "N[@CORE]")]
     max_cycles: Option<Limit>,
@@ -50,12 +50,18 @@ pub struct Args {
     /// What adapts (--codec adpcm).
     #[arg(long, value_enum, default_value_t = Adapt::Predictor)]
     adapt: Adapt,
+    /// Window of a predictor that adapts: the last 15 to 120 frames, or an exponential one of 2^1 to 2^14 (1 to 14).
+    #[arg(long, value_name = "FRAMES", default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=120))]
+    window: u8,
+    /// Levels of the table (--codec qmd, .mclip).
+    #[arg(long, value_enum, default_value_t = Levels::Fitted)]
+    levels: Levels,
     /// Frames from one entry point to the next (.mclip).
     #[arg(long, value_name = "FRAMES", default_value_t = 480, value_parser = clap::value_parser!(u32).range(1..))]
     entry: u32,
-    /// Longest block in bytes (.mclip): what a receiver has to hold; 1024 unless given.
-    #[arg(long, value_name = "BYTES")]
-    block: Option<u16>,
+    /// Longest block in bytes (.mclip): what a receiver has to hold.
+    #[arg(long, value_name = "BYTES", default_value_t = 1024)]
+    block: u16,
     #[command(flatten)]
     quality: Quality,
     /// Frames of a segment, each with a table of its own (QMD n_d); the whole clip unless given.
@@ -127,6 +133,26 @@ enum Adapt {
     Both,
 }
 
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Levels {
+    /// Fitted to the motion, for all channels together.
+    Fitted,
+    /// Max's quantiser of the Gaussian density, in each channel's best scale.
+    Gaussian,
+    /// Max's quantiser of the Laplacian density, in each channel's best scale.
+    Laplacian,
+}
+
+impl Levels {
+    const fn density(self) -> Option<Density> {
+        match self {
+            Self::Fitted => None,
+            Self::Gaussian => Some(Density::Gaussian),
+            Self::Laplacian => Some(Density::Laplacian),
+        }
+    }
+}
+
 /// A number above 0.
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
@@ -153,8 +179,12 @@ pub fn run(args: Args) -> Result<ExitCode> {
         usage(&format!("{output}: --bits is {bits}, expected {low} to {high}"));
     }
     let clip = args.source.load(&args.input)?;
-    let bytes = if in_blocks { mclip(&args, codec, &clip) } else { qmd(&args, &clip) };
-    let bytes = bytes.with_context(|| format!("cannot encode {}", args.input.display()))?;
+    let bytes = if in_blocks {
+        mclip(&args, codec, &clip)
+    } else {
+        qmd(&args, &clip).map(|bytes| (bytes, codec.id()))
+    };
+    let (bytes, codec) = bytes.with_context(|| format!("cannot encode {}", args.input.display()))?;
     files::write(&args.output, |file| Ok(file.write_all(&bytes)?))?;
     let (frames, channels) = (clip.motion.frames(), clip.motion.channels);
     let ratio = (frames * channels * 4) as f64 / bytes.len() as f64;
@@ -162,7 +192,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if args.json {
         let report = serde_json::json!({
             "output": args.output, "frames": frames, "channels": channels, "fps": clip.motion.fps,
-            "bytes": bytes.len(), "ratio_f32": ratio, "bits_per_s": rate, "codec": codec.id().name(),
+            "bytes": bytes.len(), "ratio_f32": ratio, "bits_per_s": rate, "codec": codec.name(),
         });
         println!("{report:#}");
     } else {
@@ -190,13 +220,17 @@ fn settings(args: &Args, codec: Codec) -> Settings {
     Settings {
         entropy: args.entropy.map(Entropy::id),
         entry_frames: args.entry as usize,
-        block_bytes: args.block.unwrap_or(standard.block_bytes),
+        block_bytes: args.block,
         adapt_step: codec == Codec::Adpcm && args.adapt != Adapt::Predictor,
         predictor: if codec == Codec::Adpcm && args.adapt == Adapt::Step {
             Predictor::Second
         } else {
-            standard.predictor
+            match standard.predictor {
+                Predictor::Adaptive { period, .. } => Predictor::Adaptive { window: args.window, period },
+                fixed => fixed,
+            }
         },
+        density: args.levels.density(),
         ..standard
     }
 }
@@ -206,7 +240,8 @@ fn usage(message: &str) -> ! {
     clap::Command::new("bunraku encode").error(clap::error::ErrorKind::ValueValidation, message).exit()
 }
 
-fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<Vec<u8>> {
+/// The clip, and its codec.
+fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<(Vec<u8>, CodecId)> {
     let settings = settings(args, codec);
     let encoder = Encoder::new(&clip.skeleton, &clip.motion)?;
     let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
@@ -219,7 +254,7 @@ fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<Vec<u8>> {
         return within(args, &settings, &encoder, &evaluator, goal, limit);
     }
     if let Some(bits) = args.bits {
-        return Ok(encoder.encode(&settings, encoder::mclip::Quality::Bits(bits)));
+        return Ok((encoder.encode(&settings, encoder::mclip::Quality::Bits(bits)), settings.codec));
     }
     let encoded = encoder.encode_to(&settings, target, &evaluator);
     let (name, rate) = (args.output.display(), encoder.rate(&encoded.bytes));
@@ -237,7 +272,7 @@ fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<Vec<u8>> {
         }
         _ => {}
     }
-    Ok(encoded.bytes)
+    Ok((encoded.bytes, settings.codec))
 }
 
 /// The best clip whose most expensive frame is within a limit.
@@ -248,10 +283,8 @@ fn within(
     evaluator: &Evaluator,
     goal: Goal,
     limit: Limit,
-) -> Result<Vec<u8>> {
-    let blocks = args.block.map_or(within::BLOCK_BYTES.to_vec(), |bytes| vec![bytes]);
-    let candidates =
-        within::candidates(base, args.codec.map(Codec::id), args.entropy.map(Entropy::id), &blocks);
+) -> Result<(Vec<u8>, CodecId)> {
+    let candidates = within::candidates(base, args.codec.map(Codec::id), args.entropy.map(Entropy::id));
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(Duration::from_millis(100));
     let tell = &mut |what| spinner.set_message(what);
@@ -266,5 +299,5 @@ fn within(
         limit.core.name(),
         found.encoded.mean_joint_cm
     );
-    Ok(found.encoded.bytes)
+    Ok((found.encoded.bytes, found.settings.codec))
 }

@@ -12,5 +12,7 @@ pub mod play;
 pub mod profile;
 pub mod qemu;
 pub mod rd;
+mod rd_psnr;
 pub mod servos;
 pub mod table1;
+pub mod train;

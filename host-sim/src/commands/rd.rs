@@ -25,7 +25,7 @@ use std::time::Duration;
 /// (mulaw, qmd) then come as near as they can. docs/RD.md says more.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  bunraku rd cmu/*.amc --codecs dpcm,adpcm --errors 0.1,0.25\n  bunraku rd 02_01.amc --fps 30 --svg rd.svg --csv rd.csv\n  bunraku rd cmu/*.amc --fps 30 --figure 7-8 --png adaptive.png\n  bunraku rd 02_01.amc --fps 30 --figure 7-2 --trace lfemur.rx --svg hip.svg"
+    after_help = "Examples:\n  bunraku rd cmu/*.amc --codecs dpcm,adpcm --errors 0.1,0.25\n  bunraku rd 02_01.amc --fps 30 --svg rd.svg --csv rd.csv\n  bunraku rd cmu/*.amc --fps 30 --figure 7-8 --png adaptive.png\n  bunraku rd cmu/*.amc --fps 30 --psnr 30\n  bunraku rd 02_01.amc --fps 30 --figure 7-2 --trace lfemur.rx --svg hip.svg"
 )]
 pub struct Args {
     /// The motions: .amc or .bvh.
@@ -52,6 +52,12 @@ pub struct Args {
         conflicts_with_all = ["csv", "svg", "png", "figure", "trace"]
     )]
     errors: Vec<f64>,
+    /// Bring the methods of sections 7.2 to 7.6 of the waveform-coding document to this PSNR, and tell their order.
+    #[arg(
+        long, value_name = "DB", value_parser = positive,
+        conflicts_with_all = ["codecs", "entropy", "errors", "csv", "svg", "png", "figure", "trace"]
+    )]
+    psnr: Option<f64>,
     /// A graph of the waveform-coding document (7-…) or of the QMD paper (5, 6).
     #[arg(long, value_enum, conflicts_with = "codecs")]
     figure: Option<FigureName>,
@@ -158,6 +164,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
         });
     }
     let motions = args.inputs.iter().map(|path| load(path, &args)).collect::<Result<Vec<_>>>()?;
+    if let Some(db) = args.psnr {
+        return super::rd_psnr::run(&motions, db, args.json);
+    }
     if let Some(channel) = &args.trace {
         return traced(&args, &motions, channel);
     }
@@ -357,19 +366,9 @@ fn usage(message: &str) -> ! {
     clap::Command::new("bunraku rd").error(clap::error::ErrorKind::ArgumentConflict, message).exit()
 }
 
-/// A motion as it is to be encoded; an AMC with its skeleton.
+/// A motion as it is to be encoded.
 fn load(path: &Path, args: &Args) -> Result<Named> {
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let is_amc = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("amc"));
-    let of_subject = || path.with_file_name(name.split_once('_').unwrap_or_default().0).with_extension("asf");
-    let skeleton = match &args.skeleton {
-        Some(skeleton) => Some(skeleton.clone()),
-        None if is_amc && !name.contains('_') => {
-            bail!("{}: expected --skeleton, or a name like 02_01.amc next to 02.asf", path.display())
-        }
-        None => is_amc.then(of_subject),
-    };
-    let mut named = Named { clip: import::load(path, skeleton.as_deref(), None)?, name };
+    let mut named = named(path, args.skeleton.as_deref())?;
     if let Some(fps) = args.fps {
         named = rd::resample(named, fps)?;
     }
@@ -378,4 +377,19 @@ fn load(path: &Path, args: &Args) -> Result<Named> {
         motion.samples.truncate(frames as usize * motion.channels);
     }
     Ok(named)
+}
+
+/// A motion; an AMC with this skeleton, or with that of its subject.
+pub fn named(path: &Path, skeleton: Option<&Path>) -> Result<Named> {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let is_amc = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("amc"));
+    let of_subject = || path.with_file_name(name.split_once('_').unwrap_or_default().0).with_extension("asf");
+    let skeleton = match skeleton {
+        Some(skeleton) => Some(skeleton.to_owned()),
+        None if is_amc && !name.contains('_') => {
+            bail!("{}: expected --skeleton, or a name like 02_01.amc next to 02.asf", path.display())
+        }
+        None => is_amc.then(of_subject),
+    };
+    Ok(Named { clip: import::load(path, skeleton.as_deref(), None)?, name })
 }

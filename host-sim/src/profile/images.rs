@@ -38,6 +38,15 @@ pub fn mclip_images(clip: &[u8], targets: &[&str], verify_blocks: bool) -> Resul
     Image { binary: "decode-mclip", targets, files: &[file(clip)], variables, ..DECODE }.build()
 }
 
+/// Builds the image that decodes prefix codes by a table and bit by bit, for each of Rust's `targets`. What is measured of
+/// it is a frame of codes, by the table first and then bit by bit, in turns.
+///
+/// # Errors
+/// As [`Image::build`].
+pub fn prefix_images(targets: &[&str]) -> Result<Vec<Vec<u8>>> {
+    Image { binary: "prefix", targets, ..DECODE }.build()
+}
+
 /// Builds the image that plays `clip` on the servos of a joint map, given as its bytes, as [`images`] does. What is
 /// measured of it is a tick.
 ///

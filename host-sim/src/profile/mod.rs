@@ -17,6 +17,6 @@ pub mod report;
 mod svg;
 
 pub use expect::{frames, ticks};
-pub use images::{images, mclip_images, tick_images};
+pub use images::{images, mclip_images, prefix_images, tick_images};
 pub use measure::Measured;
 pub use report::{CoreReport, Report};

@@ -7,6 +7,7 @@
 pub mod chart;
 pub mod curve;
 pub mod figure;
+pub mod psnr;
 pub mod sweep;
 pub mod trace;
 

@@ -99,6 +99,7 @@ fn mclip_in_memory(limits: Limits) -> Result<u32, decoder_core::Error> {
     clip.header().channels().for_each(|channel| {
         black_box(channel);
     });
+    let clip = if number(2) == 1 { clip.verify()? } else { clip };
     let mut decoder = clip.decoder(mclip_memory())?;
     while let Some(pose) = decoder.next_frame()? {
         black_box(pose);

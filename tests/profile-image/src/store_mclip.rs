@@ -29,7 +29,7 @@ impl Memory {
 
 /// The decoder, and the clip's rate in hundredths of a frame per second.
 pub fn decoder(memory: &'static mut Memory) -> Result<(Decoder, u16), Error> {
-    let clip = mclip::Clip::parse(black_box(CLIP), Limits::MAX)?;
+    let clip = mclip::Clip::parse(black_box(CLIP), Limits::MAX)?.verify()?;
     let Memory { pose, states, correlations, words } = memory;
     let decoder = clip.decoder(mclip::Memory { pose, states, correlations, words })?;
     Ok((decoder, clip.header().rate_centihertz()))

@@ -32,8 +32,9 @@ pub struct Opened<'s> {
     pub rate_centihertz: u16,
 }
 
+/// Checks the clip with all its blocks, so that none has to be checked while it plays.
 pub fn open(memory: &mut Memory) -> Result<Opened<'_>, Error> {
-    let clip = Clip::parse(CLIP, Limits::MAX)?;
+    let clip = Clip::parse(CLIP, Limits::MAX)?.verify()?;
     let Memory { pose, states, correlations, words } = memory;
     let decoder = clip.decoder(mclip::Memory { pose, states, correlations, words })?;
     Ok(Opened { decoder, frames: clip.frames(), rate_centihertz: clip.header().rate_centihertz() })

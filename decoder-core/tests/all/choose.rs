@@ -1,0 +1,94 @@
+//! The loop that encoders run: choosing the nearest codes to what was decoded gives the same frames again.
+
+use crate::common::{LIMITS, Lent, header_bytes, vectors};
+use decoder_core::I16F16;
+use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockHeader, Choose, Clip, Engine, State};
+use decoder_core::quantise::Quantise;
+
+/// An encoder without a plan: every channel gets the code that is nearest to its value.
+struct Nearest<'f> {
+    frame: &'f [I16F16],
+    codes: usize,
+    frames: usize,
+    /// Largest step.
+    largest: i32,
+    /// Whether a difference had no code: what was decoded wrapped, which no encoder asks for.
+    wrapped: bool,
+}
+
+impl Choose for Nearest<'_> {
+    type Running = usize;
+
+    fn begin(&self) -> usize {
+        0
+    }
+
+    fn end(&mut self, running: usize) {
+        self.codes += running;
+        self.frames += 1;
+    }
+
+    fn entry(&mut self, running: &mut usize, channel: usize, low: i32, shift: u8, bits: u32) -> u32 {
+        *running += 1;
+        let steps = self.frame[channel].to_bits().wrapping_sub(low).cast_unsigned() >> shift;
+        assert!(bits == 32 || steps < 1 << bits);
+        steps
+    }
+
+    fn code<Q: Quantise>(
+        &mut self,
+        running: &mut usize,
+        channel: usize,
+        predicted: i32,
+        quantiser: &Q,
+        state: &mut State,
+    ) -> Option<i32> {
+        if state.bits() == 0 {
+            return None;
+        }
+        *running += 1;
+        self.largest = self.largest.max(quantiser.size(state.step()));
+        let difference = self.frame[channel].to_bits().wrapping_sub(predicted);
+        let code = quantiser.nearest(difference, state.step(), state.bits());
+        self.wrapped |= quantiser.difference(code, &mut state.step(), state.bits()) != difference;
+        Some(code)
+    }
+}
+
+#[test]
+fn the_nearest_codes_to_a_clip_are_the_clip() {
+    let (mut all, mut exact, mut codes, mut largest) = (0, 0, 0, 0);
+    for vector in vectors("SHA256SUMS.mclip").into_iter().step_by(if cfg!(miri) { 4 } else { 1 }) {
+        let bytes = &vector.bytes;
+        let clip = Clip::parse(bytes, LIMITS).unwrap();
+        let needs = clip.header().needs();
+        let (mut lent, mut again) = (Lent::new(needs), Lent::new(needs));
+        let mut decoder = clip.decoder(lent.memory()).unwrap();
+        let mut engine = Engine::new(*clip.header(), again.memory()).unwrap();
+        let (mut at, mut number) = (header_bytes(bytes), 0);
+        let mut wrapped = false;
+        while at < bytes.len() {
+            let header = bytes[at..].first_chunk().unwrap();
+            let block = BlockHeader::read(header, at, clip.header(), Some(number)).unwrap();
+            for frame in 0..block.frames {
+                let pose = decoder.next_frame().unwrap().unwrap().to_vec();
+                let mut nearest = Nearest { frame: &pose, codes: 0, frames: 0, largest: 0, wrapped };
+                let found = engine.choose(&mut nearest, block.entry && frame == 0);
+                wrapped = nearest.wrapped;
+                assert!(wrapped || found == pose, "{} frame {}", vector.name, number + u32::from(frame));
+                assert!(nearest.frames > 0);
+                codes += nearest.codes;
+                largest = largest.max(nearest.largest);
+            }
+            number += u32::from(block.frames);
+            at += BLOCK_HEADER_BYTES + usize::from(block.length);
+        }
+        all += 1;
+        exact += usize::from(!wrapped);
+    }
+    println!("{exact} of {all} vectors do not wrap");
+    if !cfg!(miri) {
+        assert!(exact > 10 && exact < all, "{exact} of {all}");
+        assert!(codes > 1000 && largest > 1 << 16, "{codes} {largest}");
+    }
+}
