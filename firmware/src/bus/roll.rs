@@ -149,6 +149,30 @@ impl Roll {
     }
 }
 
+/// Enters the answers of a read that servos answer one after the other, each under its id.
+///
+/// Servos answer in the order asked, and where one is missing those behind it cannot. So an answer out of turn carries
+/// a wrong id, or follows one that was garbled; it is left to the next read. Of two under one id neither is taken.
+#[derive(Default)]
+pub(crate) struct InTurn {
+    /// Place whose turn it is.
+    next: usize,
+}
+
+impl InTurn {
+    /// Enters the reading of the servo at place `at` of those asked; returns whether it was taken.
+    pub(crate) fn enter(&mut self, at: usize, slot: &mut Option<Reading>, reading: Option<Reading>) -> bool {
+        let turn = at == self.next;
+        if turn {
+            self.next += 1;
+        }
+        if turn || at < self.next {
+            *slot = reading.filter(|_| turn);
+        }
+        turn
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -267,6 +291,22 @@ mod tests {
         let good: std::vec::Vec<usize> = (0..10).map(|_| call(&mut roll, &mut bus, &IDS).1).collect();
         assert_eq!(good, [2, 4, 6, 8, 10, 12, 14, 16, 18, 20]);
         assert_eq!(call(&mut roll, &mut bus, &IDS), (Ok(()), 20, 1, 0));
+    }
+
+    #[test]
+    fn answers_out_of_turn_are_not_taken() {
+        let taken = |order: &[usize]| {
+            let (mut turn, mut slots) = (InTurn::default(), [None; 4]);
+            for &at in order {
+                turn.enter(at, &mut slots[at], Some(reading(at as u8)));
+            }
+            slots.map(|slot| slot.is_some())
+        };
+        assert_eq!(taken(&[0, 1, 2, 3]), [true; 4]);
+        assert_eq!(taken(&[0, 2, 3]), [true, false, false, false]);
+        assert_eq!(taken(&[3, 1, 2, 3]), [false; 4]);
+        assert_eq!(taken(&[0, 1, 1, 3]), [true, false, false, false]);
+        assert_eq!(taken(&[0, 1, 2, 0]), [false, true, true, false]);
     }
 
     #[test]

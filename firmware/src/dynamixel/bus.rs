@@ -11,7 +11,7 @@ use super::table::{
     PRESENT_INPUT_VOLTAGE, PRESENT_POSITION, PRESENT_TEMPERATURE, Register, TORQUE_ENABLE,
 };
 use crate::bus::port::Line;
-use crate::bus::roll::{Ask, PROBE_EXCHANGES, Roll, SET_UP_EXCHANGES};
+use crate::bus::roll::{Ask, InTurn, PROBE_EXCHANGES, Roll, SET_UP_EXCHANGES};
 use crate::bus::{BusError, ERROR_ALERT, ERROR_WATCHDOG, Goal, Reading, ServoBus};
 use crate::map::MAX_SERVOS;
 use embedded_hal::digital::OutputPin;
@@ -151,28 +151,32 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U
     ) -> Result<(), BusError> {
         let asked: Vec<u8, MAX_SERVOS> =
             places.iter().filter_map(|&place| ids.get(usize::from(place)).copied()).collect();
-        let (mut heard, mut good, mut restarted) = (0, 0, 0);
+        let mut restarted = 0;
+        let mut turn = InTurn::default();
+        let fast = self.fast;
         let each = |at: usize, answer: Answer<'_>| {
             let Some(&place) = places.get(at) else { return };
             let Some(slot) = readings.get_mut(usize::from(place)) else { return };
-            let bit = bit(place.into());
-            if heard & bit != 0 {
-                // Of two answers under one id, one is another servo's.
-                *slot = None;
-                good &= !bit;
+            let reading = reading(&answer);
+            // A joint answer names every servo in its place.
+            if fast {
+                *slot = reading;
+            } else if !turn.enter(at, slot, reading) {
                 return;
             }
-            heard |= bit;
-            *slot = reading(&answer);
-            *(if slot.is_some() { &mut good } else { &mut restarted }) |= bit;
+            if reading.is_none() {
+                restarted |= bit(place.into());
+            }
         };
         let len = BLOCK_LEN as u16;
-        let result = match self.fast {
+        let result = match fast {
             true => self.client.fast_sync_read(INDIRECT_DATA, len, &asked, each).await,
             false => self.client.sync_read(INDIRECT_DATA, len, &asked, each).await,
         };
         self.ready &= !restarted;
-        result.and(if good != 0 { Ok(()) } else { Err(BusError::Corrupt) })
+        result?;
+        let good = places.iter().any(|&place| readings.get(usize::from(place)).is_some_and(Option::is_some));
+        if good { Ok(()) } else { Err(BusError::Corrupt) }
     }
 
     async fn alone(&mut self, id: u8, index: usize) -> Result<Reading, BusError> {

@@ -45,22 +45,23 @@ struct Babble {
     random: Random,
     two: bool,
     frames: usize,
-    /// What was sent lately with a right checksum: id and data.
-    history: Vec<(u8, Vec<u8>)>,
 }
 
 impl Babble {
     fn new(two: bool) -> Self {
-        Self { random: Random(0x5EED), two, frames: 0, history: Vec::new() }
+        Self { random: Random(0x5EED), two, frames: 0 }
     }
 
-    fn answer(&mut self, len: usize) -> Vec<u8> {
+    fn answer(&mut self, asked: u8, len: usize) -> Vec<u8> {
         let random = &mut self.random;
-        let id = [1, 2, 9, 252, 254, 33][random.below(6)];
+        let id = match random.below(3) {
+            0 => [1, 2, 9, 252, 254, 33][random.below(6)],
+            _ if asked == 254 => IDS[random.below(IDS.len())],
+            _ => asked,
+        };
         let error = [0, 0, 0, 0, 0x80, 1 << random.below(8)][random.below(6)];
         let len = if random.below(4) == 0 { random.below(40) } else { len };
         let data = random.bytes(len);
-        self.history.push((id, data.clone()));
         let mut bytes = match self.two {
             true => servos2::packet(id, &[&[0x55, error][..], &data].concat()),
             false => servos1::packet(id, &[&[error][..], &data].concat()),
@@ -97,7 +98,6 @@ impl Babble {
             if self.random.below(20) == 0 {
                 id = 33;
             }
-            self.history.push((id, data.clone()));
             out.extend([[0, 0x80, 4][self.random.below(3)], id]);
             out.extend(data);
             let sum = servos2::crc(&out);
@@ -124,10 +124,12 @@ impl Servos for Babble {
             [_, _, _, _, _, _, _, 1, ..] if self.two => 3,
             _ => 0,
         };
+        let asked = bytes.get(if self.two { 4 } else { 2 }).copied().unwrap_or(0);
         let count = 1 + self.random.below(if fast { 2 } else { IDS.len() + 1 });
         let answers: Vec<_> = (0..count)
             .map(|at| {
-                let answer = if fast && at == 0 { self.joint(bytes) } else { self.answer(wanted.into()) };
+                let answer =
+                    if fast && at == 0 { self.joint(bytes) } else { self.answer(asked, wanted.into()) };
                 ([0, 0, 0, 50_000, 2_000_000][self.random.below(5)], answer)
             })
             .collect();
@@ -135,7 +137,7 @@ impl Servos for Babble {
         answers
     }
 
-    fn seal(&self, _packet: &mut Vec<u8>) {}
+    fn seal(&self, _packet: &mut [u8]) {}
 
     fn places(&self) -> (usize, usize) {
         (0, 0)
@@ -146,11 +148,50 @@ impl Servos for Babble {
     }
 }
 
+/// The data of all bytes that are an answer of this servo, wherever they begin: of protocol 2.0, alone or in a joint
+/// answer.
+fn answers2(heard: &[u8], id: u8) -> Vec<Vec<u8>> {
+    let mut found = Vec::new();
+    for start in heard.windows(4).enumerate().filter(|(_, w)| *w == [0xFF, 0xFF, 0xFD, 0]).map(|(at, _)| at) {
+        let Some(&[from, low, high, 0x55]) = heard.get(start + 4..start + 8) else { continue };
+        if from == 0xFE {
+            // Each part is checked by the checksum before it, and what was sent by all bytes.
+            for end in start + 8 + 4 + BLOCK_LEN..=heard.len() {
+                if heard[end - 3 - BLOCK_LEN] == id {
+                    found.push(heard[end - 2 - BLOCK_LEN..end - 2].to_vec());
+                }
+            }
+            continue;
+        }
+        let end = start + 7 + usize::from(u16::from_le_bytes([low, high]));
+        let Some(bytes) = heard.get(start..end).filter(|bytes| from == id && bytes.len() > 11) else {
+            continue;
+        };
+        let (body, sum) = bytes.split_at(bytes.len() - 2);
+        if servos2::crc(body).to_le_bytes() == sum {
+            found.push(servos2::unstuffed(&body[8..])[1..].to_vec());
+        }
+    }
+    found
+}
+
+/// As [`answers2`], of protocol 1.0.
+fn answers1(heard: &[u8], id: u8) -> Vec<Vec<u8>> {
+    let starts = heard.windows(3).enumerate().filter(move |(_, w)| *w == [0xFF, 0xFF, id]);
+    let frames = starts.filter_map(|(at, _)| {
+        let len = usize::from(*heard.get(at + 3)?);
+        heard.get(at..at + 4 + len).filter(|frame| frame.len() > 6)
+    });
+    let right = frames.filter(|frame| servos1::sum(&frame[2..]) == 255);
+    right.map(|frame| frame[5..frame.len() - 1].to_vec()).collect()
+}
+
 /// Calls everything until the servos have sent so many frames. `shown`: whether a reading shows these bytes.
 fn storm<B: ServoBus>(
     wire: &Wire<Babble>,
     bus: &mut B,
     limit: u64,
+    answers: impl Fn(&[u8], u8) -> Vec<Vec<u8>>,
     shown: impl Fn(&Reading, &[u8]) -> bool,
 ) -> usize {
     let (mut good, mut round) = (0, 0_usize);
@@ -164,17 +205,12 @@ fn storm<B: ServoBus>(
             3 => wire.run(bus.set_watchdog(&IDS, 100)).1,
             4 => wire.run(bus.write_goals(&IDS.map(|id| Goal { id, position: round as i32 }))).1,
             _ => {
-                // Late answers may be of earlier questions.
                 let took = wire.run(bus.read_all(&IDS, &mut readings)).1;
-                let said = wire.servos(|servos| {
-                    let old = servos.history.len().saturating_sub(1000);
-                    servos.history.drain(..old);
-                    servos.history.clone()
-                });
                 for (id, reading) in IDS.iter().zip(&readings) {
                     let Some(reading) = reading else { continue };
-                    let source = said.iter().any(|(from, data)| from == id && shown(reading, data));
-                    assert!(source, "nobody sent {reading:?} of {id}");
+                    let heard = wire.heard();
+                    let data = answers(&heard, *id).iter().any(|data| shown(reading, data));
+                    assert!(data, "nobody sent {reading:?} of {id}");
                     good += 1;
                 }
                 took
@@ -202,7 +238,7 @@ fn a_million_frames() {
         let wire = wire(Babble::new(true), None, line);
         let bus = DynamixelBus::new(dynamixel::Client::<_, _, _, 640>::new(port(&wire, line)));
         let mut bus = if fast { bus } else { bus.with_plain_reads() };
-        let good = storm(&wire, &mut bus, limit, |reading, data| {
+        let good = storm(&wire, &mut bus, limit, answers2, |reading, data| {
             data.len() == BLOCK_LEN && reading.position.to_le_bytes() == data[5..9]
         });
         report(if fast { "Dynamixel 2.0" } else { "Dynamixel 2.0, plain reads" }, &wire, good);
@@ -211,15 +247,16 @@ fn a_million_frames() {
     let client =
         |wire: &Wire<Babble>| protocol1::Client::<_, _, _, 192>::new(port(wire, line) as Port2<Babble>);
     let wire = wire1();
-    let good = storm(&wire, &mut Protocol1Bus::new(client(&wire)), limit, |reading, data| {
+    let good = storm(&wire, &mut Protocol1Bus::new(client(&wire)), limit, answers1, |reading, data| {
         data.len() == 20 && reading.position == i32::from(i16::from_le_bytes([data[12], data[13]]))
     });
     report("Dynamixel 1.0", &wire, good);
     for series in [Series::Sts, Series::Scs] {
         let wire = wire1();
-        let good = storm(&wire, &mut FeetechBus::new(client(&wire), series), limit, |reading, data| {
-            data.len() == 26 && reading.temperature == Some(data[23])
-        });
+        let good =
+            storm(&wire, &mut FeetechBus::new(client(&wire), series), limit, answers1, |reading, data| {
+                data.len() == 26 && reading.temperature == Some(data[23])
+            });
         report(if series == Series::Sts { "Feetech STS" } else { "Feetech SCS" }, &wire, good);
     }
     let mut random = Random(7);

@@ -3,6 +3,7 @@
 mod clients;
 mod faults;
 mod fuzz;
+mod sdk;
 mod servos1;
 mod servos2;
 mod session;

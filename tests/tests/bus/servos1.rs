@@ -25,8 +25,12 @@ fn seal(packet: &mut [u8]) {
         return;
     }
     packet[3] = (len - 4) as u8;
-    let sum: u32 = packet[2..len - 1].iter().map(|&byte| u32::from(byte)).sum();
-    packet[len - 1] = 255 - (sum % 256) as u8;
+    packet[len - 1] = 255 - sum(&packet[2..len - 1]) as u8;
+}
+
+/// The sum of all bytes from the id on, without its carry; 255 with the checksum.
+pub fn sum(bytes: &[u8]) -> u32 {
+    bytes.iter().map(|&byte| u32::from(byte)).sum::<u32>() % 256
 }
 
 pub struct Servo {
@@ -170,8 +174,7 @@ impl Protocol1 {
                 [0xFF, 0xFF, id, length @ 2..=255, ..] => {
                     let len = 4 + usize::from(length);
                     let bytes = self.pending.get(..len)?.to_vec();
-                    let sum: u32 = bytes[2..].iter().map(|&byte| u32::from(byte)).sum();
-                    if sum % 256 == 255 {
+                    if sum(&bytes[2..]) == 255 {
                         self.pending.drain(..len);
                         return Some((id, bytes[4..len - 1].to_vec()));
                     }
@@ -184,7 +187,7 @@ impl Protocol1 {
     }
 
     fn obey(&mut self, id: u8, body: &[u8], now: u64) -> Vec<(u64, Vec<u8>)> {
-        let (&code, parameters) = body.split_first().unwrap();
+        let (&code, parameters) = body.split_first().expect("a packet has an instruction");
         let Self { servos, complaints, kind, .. } = self;
         let mut awake: Vec<&mut Servo> =
             servos.iter_mut().filter(|servo| !servo.dead && servo.boots_until <= now).collect();
@@ -244,7 +247,7 @@ impl Servos for Protocol1 {
         answers
     }
 
-    fn seal(&self, packet: &mut Vec<u8>) {
+    fn seal(&self, packet: &mut [u8]) {
         seal(packet);
     }
 

@@ -37,7 +37,7 @@ pub fn packet(id: u8, body: &[u8]) -> Vec<u8> {
     out
 }
 
-fn unstuffed(body: &[u8]) -> Vec<u8> {
+pub fn unstuffed(body: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
     let mut at = 0;
     while at < body.len() {
@@ -123,7 +123,7 @@ impl Servo {
     }
 
     fn word(&self, address: usize) -> i32 {
-        i32::from_le_bytes(self.memory[address..address + 4].try_into().unwrap())
+        i32::from_le_bytes(self.memory[address..address + 4].try_into().expect("four bytes"))
     }
 
     pub fn goal(&self) -> i32 {
@@ -192,7 +192,7 @@ impl Servo {
         }
         if (168..=223).contains(&address) {
             let end = usize::from(address) + bytes.len();
-            if address % 2 != 0 || bytes.len() % 2 != 0 || end > 224 {
+            if !address.is_multiple_of(2) || !bytes.len().is_multiple_of(2) || end > 224 {
                 return Err(5);
             }
             self.put(address, bytes);
@@ -287,7 +287,7 @@ impl XSeries {
     }
 
     pub fn servo(&mut self, id: u8) -> &mut Servo {
-        self.servos.iter_mut().find(|servo| servo.id == id).unwrap()
+        self.servos.iter_mut().find(|servo| servo.id == id).expect("a servo of this bus")
     }
 
     /// The next whole packet of what was heard: id, instruction and parameters, stuffing removed.
@@ -302,7 +302,7 @@ impl XSeries {
             self.pending.drain(..header);
             let [_, _, _, _, id, l0, l1, ..] = self.pending[..] else { return None };
             let len = 7 + usize::from(u16::from_le_bytes([l0, l1]));
-            if len < 10 || len > 1024 {
+            if !(10..=1024).contains(&len) {
                 self.complaints.push(format!("a length of {}", len - 7));
                 self.pending.drain(..4);
                 continue;
@@ -319,7 +319,7 @@ impl XSeries {
     }
 
     fn obey(&mut self, id: u8, body: &[u8], now: u64) -> Vec<(u64, Vec<u8>)> {
-        let (&instruction, parameters) = body.split_first().unwrap();
+        let (&instruction, parameters) = body.split_first().expect("a packet has an instruction");
         let Self { servos, complaints, .. } = self;
         if instruction == 0x55 {
             return vec![];
@@ -451,7 +451,7 @@ fn joint(asked: Vec<Asked<'_>>, list: &[(u8, u16, u16)]) -> Vec<(u64, Vec<u8>)> 
 }
 
 /// Makes length and checksum, of a joint answer all checksums, right again.
-fn seal(packet: &mut Vec<u8>) {
+fn seal(packet: &mut [u8]) {
     let len = packet.len();
     if len < 10 {
         return;
@@ -476,7 +476,7 @@ impl Servos for XSeries {
         answers
     }
 
-    fn seal(&self, packet: &mut Vec<u8>) {
+    fn seal(&self, packet: &mut [u8]) {
         seal(packet);
     }
 

@@ -23,13 +23,13 @@ fn tick<S: crate::wire::Servos>(
 ) -> (usize, u64) {
     let ids = ids();
     for index in 0..SERVOS {
-        wire.run(bus.ping(&ids, index)).0.unwrap();
+        wire.run(bus.ping(&ids, index)).0.expect("a servo that answers");
     }
     let goals: Vec<Goal> = ids.iter().map(|&id| Goal { id, position }).collect();
     let mut readings = [None; SERVOS];
     let ((down, up), start) = (wire.bytes(), wire.now_us());
-    wire.run(bus.write_goals(&goals)).0.unwrap();
-    wire.run(bus.read_all(&ids, &mut readings)).0.unwrap();
+    wire.run(bus.write_goals(&goals)).0.expect("goals that are sent");
+    wire.run(bus.read_all(&ids, &mut readings)).0.expect("servos that answer");
     assert!(readings.iter().all(Option::is_some));
     let (down, up) = (wire.bytes().0 - down, wire.bytes().1 - up);
     ((down + up) as usize, wire.now_us() - start)

@@ -16,7 +16,7 @@ pub trait Servos {
     fn hear(&mut self, bytes: &[u8], now_ns: u64) -> Vec<(u64, Vec<u8>)>;
 
     /// Makes length and checksum right again after a packet's content was changed.
-    fn seal(&self, packet: &mut Vec<u8>);
+    fn seal(&self, packet: &mut [u8]);
 
     /// Position of the id in a packet, and of the low byte of its length.
     fn places(&self) -> (usize, usize);
@@ -60,6 +60,9 @@ pub enum Fault {
     Refused(u8),
 }
 
+/// Bytes that are remembered.
+const HEARD: usize = 2000;
+
 struct State<S> {
     now: u64,
     byte_ns: u64,
@@ -73,8 +76,8 @@ struct State<S> {
     /// Next moment at which one that waits can go on.
     next: u64,
     reads: u32,
-    /// Each packet so far: whether a servo sent it, and its length.
-    packets: Vec<(bool, usize)>,
+    /// Each packet so far, and whether a servo sent it.
+    packets: Vec<(bool, Vec<u8>)>,
     fault: Option<(usize, Fault)>,
     stuck_until: u64,
     broken: bool,
@@ -83,6 +86,8 @@ struct State<S> {
     cut: bool,
     down: u64,
     up: u64,
+    /// The last bytes that the UART gave out.
+    heard: VecDeque<u8>,
     servos: S,
 }
 
@@ -103,7 +108,7 @@ impl<S: Servos> State<S> {
     /// The packet as it gets through: pieces, each with the pause before it. The number of packets counts up.
     fn through(&mut self, packet: &[u8], from_servo: bool) -> Vec<(u64, Vec<u8>)> {
         let position = self.packets.len();
-        self.packets.push((from_servo, packet.len()));
+        self.packets.push((from_servo, packet.to_vec()));
         let whole = packet.to_vec();
         let Some((_, fault)) = self.fault.filter(|(at, _)| *at == position) else { return vec![(0, whole)] };
         let (id, length) = self.servos.places();
@@ -225,6 +230,7 @@ impl<S: Servos> Wire<S> {
             cut: false,
             down: 0,
             up: 0,
+            heard: VecDeque::new(),
             servos,
         })))
     }
@@ -250,8 +256,8 @@ impl<S: Servos> Wire<S> {
         self.0.borrow().now / 1000
     }
 
-    /// Packets of both directions so far: whether a servo sent it, and its length.
-    pub fn packets(&self) -> Vec<(bool, usize)> {
+    /// Packets of both directions so far, as they were sent, and whether a servo sent them.
+    pub fn packets(&self) -> Vec<(bool, Vec<u8>)> {
         self.0.borrow().packets.clone()
     }
 
@@ -259,6 +265,11 @@ impl<S: Servos> Wire<S> {
     pub fn bytes(&self) -> (u64, u64) {
         let state = self.0.borrow();
         (state.down, state.up)
+    }
+
+    /// The last bytes that the port was given.
+    pub fn heard(&self) -> Vec<u8> {
+        self.0.borrow().heard.iter().copied().collect()
     }
 
     pub fn servos<R>(&self, with: impl FnOnce(&mut S) -> R) -> R {
@@ -330,8 +341,11 @@ impl<S: Servos> embedded_io_async::Read for Wire<S> {
                 buf[count] = byte;
                 count += 1;
                 state.coming.pop_front();
+                state.heard.push_back(byte);
             }
             if count > 0 {
+                let old = state.heard.len().saturating_sub(HEARD);
+                state.heard.drain(..old);
                 return Poll::Ready(Ok(count));
             }
             if let Some((at, _)) = state.coming.front() {

@@ -22,7 +22,7 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::{Read, Write};
 
-/// Milliseconds that each id is given to answer a broadcast ping; ROBOTIS' own client gives as much.
+/// Microseconds that each id is given to answer a broadcast ping; ROBOTIS' own client gives as much.
 const BROADCAST_PING_US: u32 = 3000;
 
 /// What a servo says to a ping.
