@@ -1,97 +1,97 @@
-//! From a player to a servo bus: one Sync Write a tick.
+//! Carries out a machine's plans on a servo bus, tick by tick.
 
-use crate::dynamixel::sync_write::{goal_positions, goal_positions_len, sync_write};
-use crate::dynamixel::{WriteError, table::TORQUE_ENABLE};
-use crate::player::{Frames, Player};
-use core::fmt;
-use embedded_io_async::Write;
+use crate::bus::{Reading, ServoBus};
+use crate::fault::Feedback;
+use crate::machine::{Action, Machine, State};
+use crate::stage::Library;
+use heapless::Vec;
 
-/// Bytes that [`drive`] wants to be lent for this many servos.
-pub const fn buffer_len(servos: usize) -> usize {
-    goal_positions_len(servos)
+/// What surrounds a puppet: its clock, those who command it, and the controller's watchdog.
+#[allow(async_fn_in_trait, reason = "one task drives the puppet; nothing needs these futures to be Send")]
+pub trait Surroundings<L: Library, const N: usize> {
+    /// Returns when tick `tick` is due, at [`JointMap::tick_micros`](crate::map::JointMap::tick_micros) after tick 0;
+    /// true where the tick after it was due already.
+    async fn wait(&mut self, tick: u32) -> bool;
+
+    /// Before each tick: gives the machine its commands, and takes what there is to report. False ends the drive.
+    fn control(&mut self, machine: &mut Machine<'_, L, N>, feedback: &Feedback<'_>) -> bool;
+
+    /// After each tick in which the machine has decided and the bus has come back, however both went: feeds
+    /// the controller's watchdog.
+    fn feed(&mut self);
 }
 
-/// Turns the servos' torque on and plays to the end; returns the number of ticks.
+/// Drives a puppet until [`Surroundings::control`] ends it; returns the number of ticks.
 ///
-/// `wait(k)` is to return when tick `k` is due, at [`JointMap::tick_micros`](crate::map::JointMap::tick_micros).
-/// Each tick is one packet, which is flushed before the next wait. `buffer`: [`buffer_len`] bytes.
-///
-/// # Errors
-/// [`DriveError`]; the servos then hold their last goal.
-pub async fn drive<F: Frames, W: Write, const N: usize>(
-    player: &mut Player<'_, F, N>,
-    bus: &mut W,
-    buffer: &mut [u8],
-    mut wait: impl AsyncFnMut(u32),
-) -> Result<u32, DriveError<W::Error>> {
-    let ids = player.map().joints().iter().map(|joint| (joint.id, [1]));
-    let torque_on = sync_write(buffer, TORQUE_ENABLE.address, ids).map_err(DriveError::Packet)?;
-    send(bus, torque_on).await?;
-    let mut tick = 0;
-    while let Some(goals) = player.tick() {
-        wait(tick).await;
-        send(bus, goal_positions(buffer, goals).map_err(DriveError::Packet)?).await?;
-        tick += 1;
-    }
-    Ok(tick)
-}
-
-async fn send<W: Write>(bus: &mut W, packet: &[u8]) -> Result<(), DriveError<W::Error>> {
-    bus.write_all(packet).await.map_err(DriveError::Bus)?;
-    bus.flush().await.map_err(DriveError::Bus)
-}
-
-/// Why playing broke off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum DriveError<E> {
-    /// The bus took no bytes.
-    Bus(E),
-    /// The buffer that was lent holds no packet for all servos.
-    Packet(WriteError),
-}
-
-impl<E: fmt::Debug> fmt::Display for DriveError<E> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Bus(error) => write!(f, "the servo bus failed: {error:?}"),
-            Self::Packet(error) => error.fmt(f),
+/// A tick is: goals to all servos, the plan's action, readings of all servos. So a servo that is turned on has a goal. `bus` has the joints of the map in their
+/// order, and returns within times that it states, so that nothing here can hang.
+pub async fn drive<L, B, S, const N: usize>(
+    machine: &mut Machine<'_, L, N>,
+    bus: &mut B,
+    surroundings: &mut S,
+) -> u32
+where
+    L: Library,
+    B: ServoBus,
+    S: Surroundings<L, N>,
+{
+    let ids: Vec<u8, N> = machine.map().joints().iter().map(|joint| joint.id).collect();
+    let mut readings: Vec<Option<Reading>, N> = ids.iter().map(|_| None).collect();
+    let (mut sent, mut acted, mut tick) = (Ok(()), None, 0);
+    loop {
+        let late = surroundings.wait(tick).await;
+        let feedback = Feedback { readings: &readings, bus: sent, action: acted, late };
+        if !surroundings.control(machine, &feedback) {
+            return tick;
         }
+        let plan = machine.tick(&feedback);
+        sent = if plan.goals.is_empty() { Ok(()) } else { bus.write_goals(plan.goals).await };
+        acted = match plan.action {
+            Some(action) => Some(act(bus, &ids, action).await),
+            None => None,
+        };
+        if machine.state() == State::Finding {
+            readings.fill(None);
+        } else {
+            let read = bus.read_all(&ids, &mut readings).await;
+            sent = sent.and(read);
+        }
+        surroundings.feed();
+        tick = tick.wrapping_add(1);
     }
 }
 
-impl<E: fmt::Debug> core::error::Error for DriveError<E> {}
+async fn act<B: ServoBus>(bus: &mut B, ids: &[u8], action: Action) -> Result<(), crate::bus::BusError> {
+    match action {
+        Action::Ping { servo } => bus.ping(ids, servo).await,
+        Action::TorqueOn { servo } => bus.set_torque(ids, servo, true).await,
+        Action::TorqueOff => {
+            let mut all = Ok(());
+            for servo in 0..ids.len() {
+                // Those that can be reached are let go, whatever the others do.
+                all = bus.set_torque(ids, servo, false).await.and(all);
+            }
+            all
+        }
+        Action::Reboot { servo } => bus.reboot(ids, servo).await,
+        Action::Watchdog { millis } => match bus.set_watchdog(ids, millis).await {
+            // Hobby servos have none.
+            Err(crate::bus::BusError::Unsupported) => Ok(()),
+            result => result,
+        },
+    }
+}
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dynamixel::{Framer, Instruction};
-    use crate::map::{Joint, JointMap};
-    use crate::player::Repeat;
+    use crate::bus::{BusError, Goal};
+    use crate::machine::tests::{Clips, SERVOS, map};
+    use crate::machine::{Show, Start};
+    use crate::map::Settings;
     use core::future::Future;
     use core::pin::pin;
     use core::task::{Context, Poll, Waker};
-    use decoder_core::I16F16;
-
-    /// One channel that counts up by one a frame.
-    struct Count {
-        value: [I16F16; 1],
-        left: u32,
-    }
-
-    impl Frames for Count {
-        fn channels(&self) -> usize {
-            1
-        }
-
-        fn next_frame(&mut self) -> Option<&[I16F16]> {
-            self.left = self.left.checked_sub(1)?;
-            self.value[0] += I16F16::ONE;
-            Some(&self.value)
-        }
-
-        fn rewind(&mut self) {}
-    }
 
     fn ready<T>(future: impl Future<Output = T>) -> T {
         match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
@@ -100,57 +100,134 @@ mod tests {
         }
     }
 
-    fn map() -> JointMap<2> {
-        let joint = |id| Joint {
-            channel: 0,
-            id,
-            zero: 0,
-            scale: I16F16::from_num(if id == 7 { 256 } else { -256 }),
-            min: -4096,
-            max: 4096,
-            max_step: 4096,
-        };
-        JointMap::new(50, 1_000_000, [joint(7), joint(9)].into_iter().collect()).unwrap()
+    /// What the bus was asked, in order.
+    #[derive(Debug, PartialEq, Eq)]
+    enum Asked {
+        Ping(usize),
+        Torque(usize, bool),
+        Goals(Vec<i32, 4>),
+        Read,
+        Reboot(usize),
+        Watchdog(u16),
     }
 
-    #[test]
-    fn every_tick_is_one_packet_with_all_goals() {
-        let map = map();
-        let count = Count { value: [I16F16::ZERO], left: 3 };
-        let mut player = Player::new(count, 5_000, &map, Repeat::Once).unwrap();
-        let mut sent = [0u8; 400];
-        let mut rest: &mut [u8] = &mut sent;
-        let mut waited = Vec::new();
-        let mut buffer = [0; buffer_len(2)];
-        let ticks = ready(drive(&mut player, &mut rest, &mut buffer, async |tick| waited.push(tick)));
-        assert_eq!(ticks, Ok(3));
-        assert_eq!(waited, [0, 1, 2]);
+    #[derive(Default)]
+    struct Bench {
+        asked: std::vec::Vec<Asked>,
+        position: [i32; SERVOS],
+        torque: [bool; SERVOS],
+    }
 
-        let mut framer = Framer::<64>::new();
-        let mut input: &[u8] = &sent;
-        let mut packets = Vec::new();
-        while let Some(packet) = framer.feed(&mut input) {
-            let packet = packet.unwrap();
-            assert_eq!((packet.id, packet.instruction), (254, Instruction::SyncWrite as u8));
-            packets.push(packet.parameters.to_vec());
+    impl ServoBus for Bench {
+        fn reads(&self, _: usize) -> bool {
+            true
         }
-        assert_eq!(packets[0], [64, 0, 1, 0, 7, 1, 9, 1]);
-        assert_eq!(packets[1], [116, 0, 4, 0, 7, 0, 1, 0, 0, 9, 0, 0xff, 0xff, 0xff]);
-        assert_eq!(packets[3], [116, 0, 4, 0, 7, 0, 3, 0, 0, 9, 0, 0xfd, 0xff, 0xff]);
-        assert_eq!(packets.len(), 4);
+        async fn ping(&mut self, _: &[u8], index: usize) -> Result<(), BusError> {
+            self.asked.push(Asked::Ping(index));
+            Ok(())
+        }
+        async fn set_torque(&mut self, _: &[u8], index: usize, on: bool) -> Result<(), BusError> {
+            self.asked.push(Asked::Torque(index, on));
+            self.torque[index] = on;
+            // One servo never lets go.
+            if index == 0 && !on { Err(BusError::NoReply) } else { Ok(()) }
+        }
+        async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
+            assert!(goals.iter().map(|goal| goal.id).eq(1..=SERVOS as u8));
+            self.asked.push(Asked::Goals(goals.iter().map(|goal| goal.position).collect()));
+            for (index, goal) in goals.iter().enumerate() {
+                if self.torque[index] {
+                    self.position[index] = goal.position;
+                }
+            }
+            Ok(())
+        }
+        async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
+            assert_eq!(ids.len(), readings.len());
+            self.asked.push(Asked::Read);
+            for (index, reading) in readings.iter_mut().enumerate() {
+                *reading = Some(Reading {
+                    position: self.position[index],
+                    temperature: None,
+                    millivolts: None,
+                    load: None,
+                    hardware_error: 0,
+                    torque: Some(self.torque[index]),
+                });
+            }
+            Ok(())
+        }
+        async fn reboot(&mut self, _: &[u8], index: usize) -> Result<(), BusError> {
+            self.asked.push(Asked::Reboot(index));
+            Ok(())
+        }
+        async fn set_watchdog(&mut self, _: &[u8], millis: u16) -> Result<(), BusError> {
+            self.asked.push(Asked::Watchdog(millis));
+            Err(BusError::Unsupported)
+        }
+    }
+
+    struct Script {
+        until: u32,
+        fed: u32,
+        ticks: u32,
+    }
+
+    impl Surroundings<Clips, 4> for Script {
+        async fn wait(&mut self, tick: u32) -> bool {
+            assert_eq!(tick, self.ticks);
+            false
+        }
+        fn control(&mut self, machine: &mut Machine<'_, Clips, 4>, feedback: &Feedback<'_>) -> bool {
+            assert_eq!(feedback.readings.len(), SERVOS);
+            self.ticks += 1;
+            self.ticks <= self.until && !machine.at_rest()
+        }
+        fn feed(&mut self) {
+            self.fed += 1;
+        }
     }
 
     #[test]
-    fn a_full_bus_or_a_small_buffer_is_an_error() {
-        let map = map();
-        let player =
-            || Player::new(Count { value: [I16F16::ZERO], left: 3 }, 5_000, &map, Repeat::Once).unwrap();
-        let mut full: &mut [u8] = &mut [0; 20];
-        let mut buffer = [0; buffer_len(2)];
-        let result = ready(drive(&mut player(), &mut full, &mut buffer, async |_| {}));
-        assert!(matches!(result, Err(DriveError::Bus(_))), "{result:?}");
-        let mut sent: &mut [u8] = &mut [0; 400];
-        let result = ready(drive(&mut player(), &mut sent, &mut [0; 20], async |_| {}));
-        assert_eq!(result, Err(DriveError::Packet(WriteError::BufferTooSmall)));
+    fn servos_are_found_read_and_turned_on_where_they_are() {
+        let map = map(Settings::new(100));
+        let show = Show { playlist: &[1], ..Show::default() };
+        let mut machine = Machine::new(&map, Clips::default(), show, Start::Power);
+        let mut bus = Bench { position: [2100, 1900, 2000], ..Bench::default() };
+        let mut script = Script { until: 2000, fed: 0, ticks: 0 };
+        let ticks = ready(drive(&mut machine, &mut bus, &mut script));
+        assert_eq!((script.fed, script.ticks), (ticks, ticks + 1));
+        assert_eq!(machine.state(), State::Resting);
+        assert_eq!(bus.position, [2000; SERVOS]);
+        let goals = || Asked::Goals([2100, 1900, 2000].into_iter().collect());
+        let expected = [
+            Asked::Ping(0),
+            Asked::Ping(1),
+            Asked::Ping(2),
+            Asked::Read,
+            goals(),
+            Asked::Watchdog(0),
+            Asked::Read,
+            goals(),
+            Asked::Torque(0, true),
+            Asked::Read,
+            goals(),
+            Asked::Torque(1, true),
+            Asked::Read,
+            goals(),
+            Asked::Torque(2, true),
+            Asked::Read,
+        ];
+        assert_eq!(bus.asked[..expected.len()], expected);
+        // A bus without watchdogs is asked once, not for ever.
+        let asked = bus.asked.iter().filter(|asked| **asked == Asked::Watchdog(200)).count();
+        assert_eq!(asked, 1);
+    }
+
+    #[test]
+    fn those_that_can_be_let_go_are() {
+        let mut bus = Bench { torque: [true; SERVOS], ..Bench::default() };
+        assert_eq!(ready(act(&mut bus, &[1, 2, 3], Action::TorqueOff)), Err(BusError::NoReply));
+        assert_eq!(bus.torque, [false; SERVOS]);
     }
 }

@@ -4,10 +4,21 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
+pub mod blender;
+pub mod bus;
 pub mod clock;
 pub mod drive;
 pub mod dynamixel;
+pub mod fault;
+pub mod feetech;
+pub mod idle;
 pub mod interpolate;
+pub mod library;
 pub mod limits;
+pub mod machine;
 pub mod map;
-pub mod player;
+pub mod pca9685;
+pub mod protocol1;
+pub mod pwm;
+pub mod stage;
+pub mod voice;

@@ -1,29 +1,142 @@
-//! What stands between a decoded pose and the bus: range and speed.
+//! What stands between a wanted pose and the bus: range, velocity and acceleration.
+//!
+//! Positions here are *fine*: in 1/1024 of a goal unit ([`FINE_BITS`]), so that a slow movement at a thousand ticks a
+//! second still has steps. Velocities are fine positions a tick, accelerations fine positions a tick and tick.
 
-/// What a servo may be told, in goal units (for Dynamixel X, 4096 a turn).
-///
-/// `min ≤ max` and `max_step ≥ 1`, all within ±[`GOAL_LIMIT`](crate::map::GOAL_LIMIT); the joint map checks that.
+/// Bits of a fine position below the goal unit.
+pub const FINE_BITS: u32 = 10;
+
+/// What a servo may be told. `min ≤ max` within ±[`GOAL_LIMIT`](crate::map::GOAL_LIMIT), the others at least 1 and at
+/// most [`MAX_VELOCITY`]; the joint map checks that.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Lowest goal.
+    /// Lowest goal, in goal units.
     pub min: i32,
-    /// Highest goal.
+    /// Highest goal, in goal units.
     pub max: i32,
-    /// Largest change from one tick to the next.
-    pub max_step: i32,
+    /// Largest change of the goal from one tick to the next, fine.
+    pub max_velocity: i32,
+    /// Largest change of that change, fine.
+    pub max_acceleration: i32,
 }
 
-impl Limits {
-    /// The goal to send for a wanted one, after `last` was sent: inside the range, and at most a step from `last`.
+/// Largest velocity and acceleration that [`Limits`] can have: half of all goals there are.
+pub const MAX_VELOCITY: i32 = 1 << 29;
+
+/// Where a servo was told to be, and how fast it was told to move there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Limiter {
+    position: i32,
+    velocity: i32,
+    wanted: i32,
+}
+
+impl Limiter {
+    /// At rest at a goal, within ±[`GOAL_LIMIT`](crate::map::GOAL_LIMIT). It may be outside the servo's range, where
+    /// someone moved the joint by hand: then it only moves inwards.
+    pub const fn at(goal: i32) -> Self {
+        let position = goal << FINE_BITS;
+        Self { position, velocity: 0, wanted: position }
+    }
+
+    /// Goal to send, in goal units.
+    pub const fn goal(&self) -> i32 {
+        (self.position + (1 << (FINE_BITS - 1))) >> FINE_BITS
+    }
+
+    /// The same, fine.
+    pub const fn position(&self) -> i32 {
+        self.position
+    }
+
+    /// Change of the goal in the last tick, fine.
+    pub const fn velocity(&self) -> i32 {
+        self.velocity
+    }
+
+    /// A tick towards `wanted` (fine, any value); `max_velocity` may be lowered from tick to tick.
     ///
-    /// `last` is inside the range, so the result is as well. Any `wanted` is allowed.
-    pub const fn apply(&self, wanted: i32, last: i32) -> i32 {
-        clamp(clamp(wanted, self.min, self.max), last - self.max_step, last + self.max_step)
+    /// While range, velocity and acceleration allow it the goal is `wanted` itself. Where they do not, the goal
+    /// catches up: relative to the movement of `wanted` it never goes faster than it can brake. From every state the
+    /// servo can stop inside its range without more than `max_acceleration`.
+    #[inline]
+    pub fn follow(&mut self, limits: &Limits, wanted: i32) {
+        let (min, max) = (limits.min << FINE_BITS, limits.max << FINE_BITS);
+        let wanted = clamp(wanted, min, max);
+        // Where the goal would be if it moved as `wanted` does. One that jumps does not move.
+        let moved = clamp(wanted.wrapping_sub(self.wanted), -limits.max_velocity, limits.max_velocity);
+        let behind = wanted.saturating_sub(self.position).saturating_sub(moved);
+        let change = limits.max_acceleration;
+        let catch_up = if behind <= change && behind >= -change {
+            behind
+        } else {
+            signed(braking(behind.unsigned_abs(), change), behind)
+        };
+        let (lowest, highest) = self.reach(limits);
+        let velocity = clamp(moved.saturating_add(catch_up), lowest, highest);
+        self.wanted = wanted;
+        self.go(limits, velocity);
+    }
+
+    /// A tick of braking.
+    pub fn stop(&mut self, limits: &Limits) {
+        let (lowest, highest) = self.reach(limits);
+        self.go(limits, clamp(0, lowest, highest));
+        self.wanted = self.position;
+    }
+
+    /// The velocities of the next tick that velocity and acceleration allow.
+    const fn reach(&self, limits: &Limits) -> (i32, i32) {
+        let (max, change) = (limits.max_velocity, limits.max_acceleration);
+        // After the limit was lowered it is reached by braking.
+        let slower = self.velocity.abs() - change;
+        let max = if slower > max { slower } else { max };
+        (clamp(self.velocity - change, -max, max), clamp(self.velocity + change, -max, max))
+    }
+
+    /// Moves by `velocity`, or by less where it could not stop before the end of the range.
+    #[inline]
+    fn go(&mut self, limits: &Limits, velocity: i32) {
+        let room = if velocity < 0 {
+            self.position - (limits.min << FINE_BITS)
+        } else {
+            (limits.max << FINE_BITS) - self.position
+        };
+        let room = if room < 0 { 0 } else { room.unsigned_abs() };
+        let (speed, change) =
+            (u64::from(velocity.unsigned_abs()), u64::from(limits.max_acceleration.unsigned_abs()));
+        // What braking takes is at most a parabola and an eighth of `change`: most ticks end here, without a divide.
+        let ample = speed * (speed + change) + ((change * change) >> 2) <= 2 * change * u64::from(room);
+        let safe = if ample {
+            velocity
+        } else {
+            let slower = braking(room, limits.max_acceleration);
+            signed(slower.min(velocity.abs()), velocity)
+        };
+        self.position += safe;
+        self.velocity = safe;
     }
 }
 
+/// The highest speed from which braking by `change` a tick takes at most `distance`, the tick at that speed included:
+/// `s + (s − change) + (s − 2 change) + … ≤ distance`, as long as the terms are positive.
+///
+/// From there the speed of the next tick can be `s − change`, and the same holds for what is left of the distance.
+fn braking(distance: u32, change: i32) -> i32 {
+    let (distance, change) = (u64::from(distance), u64::from(change.unsigned_abs()).max(1));
+    // Ticks of braking by all of `change`: the most with n (n + 1) change / 2 ≤ distance.
+    let whole = ((1 + 8 * distance / change).isqrt() - 1) / 2;
+    let speed = (distance + change * (whole * (whole + 1) / 2)) / (whole + 1);
+    i32::try_from(speed).unwrap_or(i32::MAX)
+}
+
+/// `size` with the sign of `like`.
+const fn signed(size: i32, like: i32) -> i32 {
+    if like < 0 { -size } else { size }
+}
+
 /// `Ord::clamp` without its panic, and const.
-const fn clamp(value: i32, low: i32, high: i32) -> i32 {
+pub(crate) const fn clamp(value: i32, low: i32, high: i32) -> i32 {
     if value < low {
         low
     } else if value > high {
@@ -39,33 +152,130 @@ mod tests {
     use crate::map::GOAL_LIMIT;
     use proptest::prelude::*;
 
+    const LIMITS: Limits = Limits { min: 0, max: 4095, max_velocity: 20 << 10, max_acceleration: 2 << 10 };
+
+    fn fine(goal: i32) -> i32 {
+        goal << FINE_BITS
+    }
+
     #[test]
-    fn range_and_step_both_hold() {
-        let limits = Limits { min: 1000, max: 3000, max_step: 50 };
-        assert_eq!(limits.apply(2048, 2040), 2048);
-        assert_eq!(limits.apply(4000, 2048), 2098);
-        assert_eq!(limits.apply(4000, 2990), 3000);
-        assert_eq!(limits.apply(i32::MIN, 1010), 1000);
-        assert_eq!(limits.apply(i32::MIN, 3000), 2950);
+    fn a_movement_within_the_limits_passes_through() {
+        let mut limiter = Limiter::at(1000);
+        // Accelerates by less than 2, up to 18.
+        let mut wanted = fine(1000);
+        for tick in 0..60 {
+            wanted +=
+                (f64::from(fine(9)) * (1.0 - (f64::from(tick) / 30.0 * core::f64::consts::PI).cos())) as i32;
+            limiter.follow(&LIMITS, wanted);
+            assert_eq!(limiter.position(), wanted);
+        }
+    }
+
+    #[test]
+    fn a_jump_is_approached_and_not_overshot() {
+        let mut limiter = Limiter::at(1000);
+        let mut goals = Vec::new();
+        for _ in 0..200 {
+            limiter.follow(&LIMITS, fine(2000));
+            goals.push(limiter.goal());
+        }
+        assert!(goals.is_sorted() && goals.last() == Some(&2000));
+        // A trapezium: 2, 4, … 18, then 20 for 41 ticks, then 18, 16, … 2.
+        assert_eq!(goals.iter().position(|&goal| goal == 2000), Some(58));
+    }
+
+    #[test]
+    fn a_moving_target_is_caught_up_with() {
+        let mut limiter = Limiter::at(1000);
+        let mut wanted = fine(1200);
+        let mut met = None;
+        for tick in 0..200 {
+            wanted += fine(10);
+            limiter.follow(&LIMITS, wanted);
+            if met.is_none() && limiter.position() == wanted {
+                met = Some(tick);
+            }
+            assert!(met.is_none_or(|_| limiter.position() == wanted), "lost at tick {tick}");
+        }
+        assert!(met.is_some_and(|tick| tick < 40), "{met:?}");
+    }
+
+    #[test]
+    fn the_end_of_the_range_is_reached_without_a_knock() {
+        let mut limiter = Limiter::at(4000);
+        let mut last = 0;
+        for _ in 0..100 {
+            limiter.follow(&LIMITS, i32::MAX);
+            assert!((limiter.velocity() - last).abs() <= LIMITS.max_acceleration);
+            last = limiter.velocity();
+        }
+        assert_eq!((limiter.goal(), limiter.velocity()), (4095, 0));
+    }
+
+    #[test]
+    fn a_joint_outside_its_range_moves_inwards() {
+        let mut limiter = Limiter::at(5000);
+        let mut last = 5000;
+        while last > 4095 {
+            limiter.follow(&LIMITS, i32::MAX);
+            assert!(limiter.goal() <= last);
+            last = limiter.goal();
+        }
+    }
+
+    #[test]
+    fn braking_is_the_highest_speed_that_stops_in_time() {
+        for change in [1, 2, 3, 7, 1000, MAX_VELOCITY] {
+            for distance in (0..2000).chain([1 << 20, (1 << 20) + 7]) {
+                let way = |speed: i32| (0..).map(|n| speed - n * change).take_while(|&s| s > 0).sum::<i32>();
+                let speed = braking(distance, change);
+                assert!(way(speed) <= distance as i32, "{change} {distance} {speed}");
+                assert!(way(speed + 1) > distance as i32, "{change} {distance} {speed}");
+            }
+        }
+        assert!(braking(u32::MAX, 1) < 1 << 17 && braking(u32::MAX, MAX_VELOCITY) > 1 << 30);
+    }
+
+    fn any_limits() -> impl Strategy<Value = Limits> {
+        let ends = -GOAL_LIMIT..=GOAL_LIMIT;
+        let few = prop_oneof![1..=MAX_VELOCITY, 1..100_000];
+        (ends.clone(), ends, 0u32..20, few.clone(), few).prop_map(
+            |(one, other, narrow, velocity, acceleration)| {
+                let (one, other) = (one >> narrow, other >> narrow);
+                Limits {
+                    min: one.min(other),
+                    max: one.max(other),
+                    max_velocity: velocity,
+                    max_acceleration: acceleration,
+                }
+            },
+        )
     }
 
     proptest! {
         #[test]
-        fn no_goal_leaves_the_range_or_jumps(
-            wanted: i32,
-            ends in (-GOAL_LIMIT..=GOAL_LIMIT, -GOAL_LIMIT..=GOAL_LIMIT),
-            last in -GOAL_LIMIT..=GOAL_LIMIT,
-            max_step in 1..=GOAL_LIMIT,
+        fn no_goal_leaves_the_range_jumps_or_jerks(
+            limits in any_limits(),
+            start in -GOAL_LIMIT..=GOAL_LIMIT,
+            wanted in prop::collection::vec((any::<i32>(), 0u8..8, 1i32..8), 1..200),
         ) {
-            let (min, max) = (ends.0.min(ends.1), ends.0.max(ends.1));
-            let last = last.clamp(min, max);
-            let goal = Limits { min, max, max_step }.apply(wanted, last);
-            prop_assert!((min..=max).contains(&goal));
-            prop_assert!((i64::from(goal) - i64::from(last)).abs() <= i64::from(max_step));
-            // It goes towards what was wanted, never past it.
-            let towards = i64::from(wanted.clamp(min, max)) - i64::from(last);
-            let went = i64::from(goal) - i64::from(last);
-            prop_assert!(went.signum() == towards.signum() && went.abs() <= towards.abs());
+            let mut limiter = Limiter::at(clamp(start, limits.min, limits.max));
+            for (wanted, how, slow) in wanted {
+                let before = limiter;
+                let lowered = Limits { max_velocity: (limits.max_velocity / slow).max(1), ..limits };
+                match how {
+                    0 => limiter.stop(&limits),
+                    1 => limiter.follow(&lowered, wanted),
+                    2 => limiter.follow(&limits, limiter.position.saturating_add(wanted >> 16)),
+                    _ => limiter.follow(&limits, wanted),
+                }
+                prop_assert!((fine(limits.min)..=fine(limits.max)).contains(&limiter.position()));
+                prop_assert!(limiter.velocity().abs() <= limits.max_velocity);
+                let change = i64::from(limiter.velocity()) - i64::from(before.velocity());
+                prop_assert!(change.abs() <= i64::from(limits.max_acceleration));
+                prop_assert_eq!(limiter.position() - before.position(), limiter.velocity());
+                prop_assert!((limits.min..=limits.max).contains(&limiter.goal()));
+            }
         }
     }
 }

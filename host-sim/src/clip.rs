@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use decoder_core::{I16F16, Limits, mclip, qmd};
 use encoder::mclip::Lent;
-use firmware::player::Frames;
+use firmware::voice::Frames;
 use std::path::Path;
 
 /// A clip in one of our two containers, which was checked.
@@ -96,7 +96,7 @@ mod tests {
     fn frames(clip: &Clip<'_>) -> Vec<Vec<I16F16>> {
         let all = clip.decode(|decoder| {
             let mut frames = Vec::new();
-            while let Some(frame) = decoder.next_frame() {
+            while let Some(frame) = decoder.next_frame().unwrap() {
                 frames.push(frame.to_vec());
             }
             Ok(frames)

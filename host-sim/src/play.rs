@@ -10,14 +10,23 @@ use crate::qemu_log::Log;
 use crate::servos::{Bus, BusConfig, Event, ServoConfig};
 use crate::thumb::{Board, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
-use embedded_io_async::{ErrorType, Write};
-use firmware::drive::{buffer_len, drive};
+use embedded_hal_async::delay::DelayNs;
+use embedded_io_async::{ErrorType, Read, Write};
+use firmware::bus::port::{Automatic, Line, Port};
+use firmware::drive::{Surroundings, drive};
+use firmware::dynamixel::bus::DynamixelBus;
+use firmware::dynamixel::client::Client;
 use firmware::dynamixel::table::GOAL_POSITION;
 use firmware::dynamixel::{Framer, Instruction, Packet};
-use firmware::map::MAX_SERVOS;
-use firmware::player::{Frames, Player, Repeat};
+use firmware::fault::Feedback;
+use firmware::library::Single;
+use firmware::machine::{Machine as Puppet, Show, Start};
+use firmware::map::BusKind;
+use firmware::stage::Library;
+use firmware::voice::{Frames, Voice};
+use std::collections::VecDeque;
 use std::convert::Infallible;
-use std::future::Future;
+use std::future::{Future, pending};
 use std::io;
 use std::pin::pin;
 use std::task::{Context as TaskContext, Poll, Waker};
@@ -72,13 +81,77 @@ fn rate(clip: &Clip<'_>, centihertz: u16) -> u16 {
     if centihertz > 0 { centihertz } else { clip.rate_centihertz() }
 }
 
-/// Plays frames and records what the servos are told.
-fn record(frames: impl Frames, map: &Map, rate: u16) -> Result<Recording> {
-    let mut player = Player::new(frames, rate, map, Repeat::Once)?;
-    let mut recorder = Recorder::new(map)?;
-    let mut buffer = [0; buffer_len(MAX_SERVOS)];
-    let ticks = now(drive(&mut player, &mut recorder, &mut buffer, async |_| {}))?;
-    recorder.finish(Some(ticks))
+/// Plays frames from power on to rest, and records what the servos are told.
+fn record(frames: &mut dyn Frames, map: &Map, rate: u16) -> Result<Recording> {
+    let frames = Voice::new(frames, map, false, 0).map(Voice::into_frames).map_err(|(error, _)| error)?;
+    frames.approach(0);
+    let library = Single::new(frames, Some(rate));
+    let mut puppet = Puppet::new(map, library, Show { playlist: &[0], ..Show::default() }, Start::Power);
+    let wire = Wire { recorder: Recorder::new(map)?, answers: VecDeque::new() };
+    let port = Port::new(wire, Automatic, Instantly, Line::uart(map.buses().first().map_or(0, |bus| bus.baud)));
+    let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
+    now(drive(&mut puppet, &mut bus, &mut ToTheEnd))?;
+    if let Some(fault) = puppet.fault() {
+        bail!("{fault}");
+    }
+    let Wire { recorder, .. } = bus.into_client().into_port().into_uart();
+    recorder.finish()
+}
+
+/// Until the puppet rests, as fast as it goes.
+struct ToTheEnd;
+
+impl<L: Library, const N: usize> Surroundings<L, N> for ToTheEnd {
+    async fn wait(&mut self, _: u32) -> bool {
+        false
+    }
+
+    fn control(&mut self, puppet: &mut Puppet<'_, L, N>, _: &Feedback<'_>) -> bool {
+        !puppet.at_rest()
+    }
+
+    fn feed(&mut self) {}
+}
+
+/// A line to virtual servos that answer at once: what they have not said by then they will not say.
+struct Wire<'m> {
+    recorder: Recorder<'m>,
+    answers: VecDeque<u8>,
+}
+
+impl ErrorType for Wire<'_> {
+    type Error = Infallible;
+}
+
+impl Write for Wire<'_> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        self.answers.extend(self.recorder.receive(bytes));
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+impl Read for Wire<'_> {
+    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
+        if self.answers.is_empty() {
+            pending::<()>().await;
+        }
+        let count = buffer.len().min(self.answers.len());
+        for (to, from) in buffer.iter_mut().zip(self.answers.drain(..count)) {
+            *to = from;
+        }
+        Ok(count)
+    }
+}
+
+/// A timer whose time is over at once.
+struct Instantly;
+
+impl DelayNs for Instantly {
+    async fn delay_ns(&mut self, _: u32) {}
 }
 
 /// Builds the image of the board `qemu-mps2` with this clip and map, and plays it under QEMU.
@@ -101,7 +174,7 @@ pub fn on_qemu(
     let image = qemu::Image { path: &path, machine: board::MACHINE, arguments: &[] };
     let mut device = |bytes: &[u8]| recorder.receive(bytes);
     qemu::run(&image, Some(&mut device), limit(clip.frames(), rate(clip, centihertz)), log)?;
-    recorder.finish(None)
+    recorder.finish()
 }
 
 /// As [`on_qemu`], on the simulated Cortex-M4, which also says how its cycles were spent.
@@ -135,7 +208,7 @@ pub fn on_sim(
     );
     garbled?;
     match ended.map_err(|fault| anyhow!("{fault}"))? {
-        Some(0) => Ok((recorder.finish(None)?, machine.usage())),
+        Some(0) => Ok((recorder.finish()?, machine.usage())),
         Some(code) => bail!("the image on the simulated board ended with exit code {code}"),
         None => bail!("the image on the simulated board did not come to an end"),
     }
@@ -148,20 +221,21 @@ fn limit(frames: u32, centihertz: u16) -> Duration {
 }
 
 /// Runs a future that never has to wait.
-fn now<T, E: std::error::Error + Send + Sync + 'static>(
-    future: impl Future<Output = Result<T, E>>,
-) -> Result<T> {
+fn now<T>(future: impl Future<Output = T>) -> Result<T> {
     match pin!(future).poll(&mut TaskContext::from_waker(Waker::noop())) {
-        Poll::Ready(result) => Ok(result?),
+        Poll::Ready(result) => Ok(result),
         Poll::Pending => Err(anyhow!("a virtual servo made the player wait")),
     }
 }
+
+/// Longest packet of a player with 32 servos.
+const LONGEST: usize = 640;
 
 /// Virtual servos on a line where each packet of goal positions is one tick, whenever it arrives.
 struct Recorder<'m> {
     map: &'m Map,
     servos: Bus,
-    framer: Framer<{ buffer_len(MAX_SERVOS) }>,
+    framer: Framer<LONGEST>,
     /// The bytes of the packet that is not yet whole.
     packet: Vec<u8>,
     recording: Recording,
@@ -172,6 +246,9 @@ struct Recorder<'m> {
 impl<'m> Recorder<'m> {
     /// A servo for every joint, at the joint's zero.
     fn new(map: &'m Map) -> Result<Self> {
+        if map.buses().iter().any(|bus| bus.kind != BusKind::Dynamixel) || map.buses().len() != 1 {
+            bail!("the virtual servos are Dynamixel X on one bus, and this puppet has others");
+        }
         let servos = map
             .joints()
             .iter()
@@ -223,35 +300,20 @@ impl<'m> Recorder<'m> {
         answers
     }
 
-    /// What was recorded, if `ticks`, where the number is known, arrived whole.
-    fn finish(self, ticks: Option<u32>) -> Result<Recording> {
+    /// What was recorded, if it arrived whole.
+    fn finish(self) -> Result<Recording> {
         if let Some(fault) = self.fault {
             bail!(fault);
         }
         if !self.packet.is_empty() {
             bail!("the last packet on the servo bus was cut after {} bytes", self.packet.len());
         }
-        let (found, goals) = (self.recording.ticks, self.recording.goals.len());
-        let expected = ticks.unwrap_or(found) as usize * self.map.joints().len();
+        let (ticks, goals) = (self.recording.ticks, self.recording.goals.len());
+        let expected = ticks as usize * self.map.joints().len();
         if goals != expected {
-            bail!("the servos took {goals} goals in {found} ticks, expected {expected}");
+            bail!("the servos took {goals} goals in {ticks} ticks, expected {expected}");
         }
         Ok(self.recording)
-    }
-}
-
-impl ErrorType for Recorder<'_> {
-    type Error = Infallible;
-}
-
-impl Write for Recorder<'_> {
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        self.receive(bytes);
-        Ok(bytes.len())
-    }
-
-    async fn flush(&mut self) -> Result<(), Infallible> {
-        Ok(())
     }
 }
 
@@ -281,31 +343,44 @@ mod tests {
 
     #[test]
     fn every_servo_follows_its_channel() {
-        let (bytes, map, _) = sample();
+        let (bytes, _, clip) = sample();
+        let puppet = Path::new(env!("CARGO_MANIFEST_DIR")).join("../puppets/sample.toml");
+        let text = format!("interpolation = 'linear'\n{}", std::fs::read_to_string(&puppet).unwrap());
+        let map = Puppet::parse(&puppet, text).unwrap().map(&clip.skeleton).unwrap();
         let recording = on_host(&Clip::parse(Path::new("clip.qmd"), &bytes).unwrap(), &map, 0).unwrap();
-        // 480 frames at 60 Hz last 479/60 s: 399.17 ticks of 50 Hz, the last of them at the last frame.
-        assert_eq!(recording.ticks, 401);
-        assert_eq!(recording.goals.len(), 401 * 12);
         let motion = decode(&bytes).unwrap();
-        // The first second is left out: servos begin at their zeros and hurry to the first frame.
-        for (index, taken) in recording.goals.iter().enumerate().skip(12 * 50) {
-            let joint = map.joints()[index % 12];
-            assert_eq!((joint.id, taken.time_us), (taken.id, (index as u64 / 12) * 20_000));
-            let position = (taken.time_us as f64 * 60e-6).min(479.0);
-            let value = |frame: usize| motion.frame(frame.min(479))[usize::from(joint.channel)];
-            let (before, part) = (position as usize, position.fract());
-            let angle = value(before) * (1.0 - part) + value(before + 1) * part;
-            let goal = f64::from(joint.zero) + angle * joint.scale.to_num::<f64>();
-            let off = (f64::from(taken.position) - goal).abs();
-            assert!(off < 0.52, "{taken:?}: {off} goal units from {goal}");
-        }
+        // 480 frames at 60 Hz last 479/60 s: 399.17 ticks of 50 Hz, the last of them at the last frame.
+        let ticks = 401;
+        let far = |start: u32| {
+            let goals = recording.goals.iter().enumerate().skip(12 * start as usize).take(12 * ticks);
+            goals.fold(0f64, |far, (index, taken)| {
+                let joint = map.joints()[index % 12];
+                assert_eq!((joint.id, taken.time_us), (taken.id, (index as u64 / 12) * 20_000));
+                let time_us = taken.time_us - u64::from(start) * 20_000;
+                let position = (time_us as f64 * 60e-6).min(479.0);
+                let value = |frame: usize| motion.frame(frame.min(479))[usize::from(joint.channel)];
+                let (before, part) = (position as usize, position.fract());
+                let angle = value(before) * (1.0 - part) + value(before + 1) * part;
+                let goal = f64::from(joint.zero) + angle * joint.scale.to_num::<f64>();
+                far.max((f64::from(taken.position) - goal).abs())
+            })
+        };
+        // Before it plays it finds its servos, turns them on, and eases to the first pose for two seconds.
+        let (start, off) =
+            (100..200).map(|start| (start, far(start))).min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+        assert!(off < 0.53, "{off} goal units from the clip, which begins at tick {start}");
+        assert!(recording.ticks >= start + 401 + 98, "it goes home, which takes two seconds: {}", recording.ticks - start);
+        let home = map.joints().iter().map(|joint| joint.home);
+        assert!(recording.goals.iter().rev().take(12).rev().map(|taken| taken.position).eq(home));
     }
 
     #[test]
     fn another_rate_takes_another_time() {
         let (bytes, map, _) = sample();
         let clip = Clip::parse(Path::new("clip.qmd"), &bytes).unwrap();
-        assert_eq!(on_host(&clip, &map, 12_000).unwrap().ticks, 201);
+        let ticks = |rate| on_host(&clip, &map, rate).unwrap().ticks;
+        // The way to the first pose and home is the same, up to the tick in which all servos rest.
+        assert!((ticks(0) - ticks(12_000)).abs_diff(200) <= 2);
     }
 
     #[test]
@@ -313,7 +388,7 @@ mod tests {
         let (_, map, _) = sample();
         let mut recorder = Recorder::new(&map).unwrap();
         assert!(recorder.receive(&[0xff, 0xff, 0xfd, 0x00, 0xfe]).is_empty());
-        let error = recorder.finish(None).unwrap_err();
+        let error = recorder.finish().unwrap_err();
         assert!(error.to_string().contains("cut"), "{error}");
     }
 

@@ -3,28 +3,51 @@
 //! ```toml
 //! skeleton = "02.asf"       # optional: where channel names are looked up, relative to this file
 //! servo_hz = 50             # goals per second, 1 to 1000
-//! baud = 1_000_000          # of the servo bus
+//! baud = 1_000_000          # of the servo bus; Dynamixel protocol 2.0
+//!
+//! # All of these are optional; the values are those that hold where they are not given.
+//! interpolation = "cubic"   # or "linear"
+//! on_fault = "hold"         # or "home", "torque-off" (which drops a standing puppet)
+//! ease_seconds = 2.0        # least time to a first pose, and home
+//! ease_speed = 0.25         # part of each joint's max_speed that is used for it
+//! fade_seconds = 0.5        # between clips
+//! temperature_limit = 70    # degrees Celsius; 0: only what servos say themselves counts
+//! min_volts = 0.0           # supply below which is a fault; 0: not looked at
+//! servo_watchdog_ms = 200   # silence after which servos stop by themselves; 0: never
 //!
 //! [[joint]]
 //! name = "right elbow"
 //! channel = "rradius.rx"    # joint.axis of the skeleton
 //! id = 3                    # of the servo, 0 to 252
-//! zero = 1024               # goal at channel value 0, and where the servo starts; 2048 unless given
+//! zero = 1024               # goal at channel value 0; the middle of the servo unless given
 //! direction = -1            # 1 (unless given) or -1
-//! scale = 11.378            # goal units per degree or cm; 4096 a turn unless given (rotations only)
+//! scale = 11.378            # goal units per degree or cm; the servo's own unless given (rotations only)
 //! range = [0, 150]          # lowest and highest channel value, in degrees or cm
+//! home = 10                 # channel value at rest; 0 unless given
 //! max_speed = 270           # degrees or cm per second
+//! max_acceleration = 5400   # degrees or cm per second squared; max_speed in 50 ms unless given
+//! idle = { breathing = 1.0, sway = 0.5, gaze = 0.0 }  # degrees or cm that the idle layer adds at most; 0 unless given
 //! ```
 //!
-//! Instead of `range`, `goal_range = [min, max]` gives the range in goal units. Goals are those of a servo in
-//! position mode, 0 to 4095.
+//! Instead of `range`, `goal_range = [min, max]` gives the range in goal units: those of the kind of servo.
+//!
+//! A puppet with other servos than Dynamixel X on one bus names its buses instead of `baud`, and each joint its bus:
+//!
+//! ```toml
+//! [[bus]]
+//! name = "face"
+//! kind = "pca9685"          # dynamixel, dynamixel1, sts, scs, pwm, pca9685, blender
+//! baud = 50                 # bits per second; of pwm and pca9685 the pulses per second
+//! ```
 
 use crate::files;
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::I16F16;
 use encoder::skeleton::{ChannelKind, Skeleton};
-use firmware::dynamixel::table::POSITIONS_PER_TURN;
-use firmware::map::{Joint, JointMap, MAX_SERVOS, bytes_len};
+use firmware::limits::{FINE_BITS, MAX_VELOCITY};
+use firmware::map::{
+    BusKind, BusSpec, Idle, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy, Settings, bytes_len,
+};
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -32,6 +55,9 @@ use toml::Spanned;
 
 /// The servos of this project's puppets, as the device gets them.
 pub type Map = JointMap<MAX_SERVOS>;
+
+/// Seconds in which a joint reaches its highest speed, where a puppet does not say its acceleration.
+const DEFAULT_RISE: f64 = 0.05;
 
 /// A map as the bytes that a device parses.
 ///
@@ -55,8 +81,67 @@ pub struct Puppet {
 struct File {
     skeleton: Option<PathBuf>,
     servo_hz: Spanned<u16>,
-    baud: Spanned<u32>,
+    baud: Option<Spanned<u32>>,
+    interpolation: Option<Curve>,
+    on_fault: Option<OnFault>,
+    ease_seconds: Option<Spanned<f64>>,
+    ease_speed: Option<Spanned<f64>>,
+    fade_seconds: Option<Spanned<f64>>,
+    temperature_limit: Option<u8>,
+    min_volts: Option<Spanned<f64>>,
+    servo_watchdog_ms: Option<u16>,
+    #[serde(default)]
+    bus: Vec<BusEntry>,
     joint: Vec<Entry>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Curve {
+    Linear,
+    Cubic,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum OnFault {
+    Hold,
+    Home,
+    TorqueOff,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BusEntry {
+    name: Spanned<String>,
+    kind: Kind,
+    baud: Spanned<u32>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    Dynamixel,
+    Dynamixel1,
+    Sts,
+    Scs,
+    Pwm,
+    Pca9685,
+    Blender,
+}
+
+impl From<Kind> for BusKind {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Dynamixel => Self::Dynamixel,
+            Kind::Dynamixel1 => Self::Dynamixel1,
+            Kind::Sts => Self::Sts,
+            Kind::Scs => Self::Scs,
+            Kind::Pwm => Self::Pwm,
+            Kind::Pca9685 => Self::Pca9685,
+            Kind::Blender => Self::Blender,
+        }
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -64,13 +149,39 @@ struct File {
 struct Entry {
     name: Spanned<String>,
     channel: Spanned<String>,
+    bus: Option<Spanned<String>>,
     id: Spanned<u8>,
     zero: Option<Spanned<i32>>,
     direction: Option<Spanned<i8>>,
     scale: Option<Spanned<f64>>,
     range: Option<Spanned<[f64; 2]>>,
     goal_range: Option<Spanned<[i32; 2]>>,
+    home: Option<Spanned<f64>>,
     max_speed: Spanned<f64>,
+    max_acceleration: Option<Spanned<f64>>,
+    idle: Option<Spanned<IdleEntry>>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[derive(Default)]
+struct IdleEntry {
+    breathing: f64,
+    sway: f64,
+    gaze: f64,
+}
+
+/// Goals that a kind of servo takes: the lowest, the highest, and how many a degree is.
+///
+/// Sources: e-Manual, "XM430-W350" (4096 a turn) and "AX-12A" (1024 in 300°); Feetech's memory tables of the STS3215 (4096
+/// a turn) and SCS15 (1024 in 200°); hobby servos take pulses of 500 to 2500 µs for some 180°.
+const fn servo(kind: BusKind) -> (i32, i32, f64) {
+    match kind {
+        BusKind::Dynamixel | BusKind::Sts => (0, 4095, 4096.0 / 360.0),
+        BusKind::Dynamixel1 => (0, 1023, 1024.0 / 300.0),
+        BusKind::Scs => (0, 1023, 1024.0 / 200.0),
+        BusKind::Pwm | BusKind::Pca9685 | BusKind::Blender => (500, 2500, 2000.0 / 180.0),
+    }
 }
 
 impl Puppet {
@@ -110,22 +221,100 @@ impl Puppet {
     /// # Errors
     /// A sentence that names the file, the line, the key, what was found, and what was expected.
     pub fn map(&self, skeleton: &Skeleton) -> Result<Map> {
-        let mut joints = heapless::Vec::new();
+        let buses = self.buses()?;
+        let mut joints: Vec<(u8, Joint)> = Vec::new();
         for (index, entry) in self.file.joint.iter().enumerate() {
+            let bus = self.bus_of(entry)?;
             let earlier = self.file.joint.iter().take(index);
             if earlier.clone().any(|other| other.name.get_ref() == entry.name.get_ref()) {
                 return Err(self.wrong(&entry.name, "another joint has this name"));
             }
-            if let Some(other) = earlier.clone().find(|other| other.id.get_ref() == entry.id.get_ref()) {
+            let same = earlier.zip(&joints).find(|(_, (on, joint))| (*on, joint.id) == (bus, *entry.id.get_ref()));
+            if let Some((other, _)) = same {
                 let why = format!("joint \"{}\" has id {} as well", other.name.get_ref(), other.id.get_ref());
                 return Err(self.wrong(&entry.id, &why));
             }
-            joints.push(self.joint(entry, skeleton)?).map_err(|_| {
-                anyhow!("{}: more than {MAX_SERVOS} joints, the most that a board holds", self.path.display())
-            })?;
+            let kind = buses.get(usize::from(bus)).map_or(BusKind::Dynamixel, |bus| bus.kind);
+            joints.push((bus, self.joint(entry, bus, kind, skeleton)?));
         }
-        JointMap::new(*self.file.servo_hz.get_ref(), *self.file.baud.get_ref(), joints)
-            .with_context(|| self.path.display().to_string())
+        // A device goes through its buses in order.
+        joints.sort_by_key(|(bus, _)| *bus);
+        if joints.len() > MAX_SERVOS {
+            bail!("{}: more than {MAX_SERVOS} joints, the most that a board holds", self.path.display());
+        }
+        let joints = joints.into_iter().map(|(_, joint)| joint).collect();
+        JointMap::new(self.settings()?, buses, joints).with_context(|| self.path.display().to_string())
+    }
+
+    fn settings(&self) -> Result<Settings> {
+        let file = &self.file;
+        let fallback = Settings::new(*file.servo_hz.get_ref());
+        let scaled = |value: &Option<Spanned<f64>>, scale: f64, most: f64, fallback: u16| match value {
+            None => Ok(fallback),
+            Some(value) => match *value.get_ref() {
+                found if (0.0..=most).contains(&found) => Ok((found * scale).round() as u16),
+                found => Err(self.wrong(value, &format!("found {found}, expected 0 to {most}"))),
+            },
+        };
+        Ok(Settings {
+            interpolation: match file.interpolation {
+                Some(Curve::Linear) => Interpolation::Linear,
+                Some(Curve::Cubic) => Interpolation::CatmullRom,
+                None => fallback.interpolation,
+            },
+            policy: match file.on_fault {
+                Some(OnFault::Hold) => Policy::Hold,
+                Some(OnFault::Home) => Policy::EaseHome,
+                Some(OnFault::TorqueOff) => Policy::TorqueOff,
+                None => fallback.policy,
+            },
+            ease_millis: scaled(&file.ease_seconds, 1000.0, 60.0, fallback.ease_millis)?,
+            ease_velocity: scaled(&file.ease_speed, 256.0, 1.0, fallback.ease_velocity)?,
+            fade_millis: scaled(&file.fade_seconds, 1000.0, 60.0, fallback.fade_millis)?,
+            temperature_limit: file.temperature_limit.unwrap_or(fallback.temperature_limit),
+            min_millivolts: scaled(&file.min_volts, 1000.0, 60.0, fallback.min_millivolts)?,
+            servo_watchdog_millis: file.servo_watchdog_ms.unwrap_or(fallback.servo_watchdog_millis),
+            ..fallback
+        })
+    }
+
+    fn buses(&self) -> Result<heapless::Vec<BusSpec, MAX_BUSES>> {
+        let file = &self.file;
+        match (&file.baud, file.bus.as_slice()) {
+            (Some(baud), []) => {
+                Ok([BusSpec { kind: BusKind::Dynamixel, baud: *baud.get_ref() }].into_iter().collect())
+            }
+            (None, []) => bail!("{}: expected `baud`, or a [[bus]] with its `kind` and `baud`", self.path.display()),
+            (Some(baud), _) => Err(self.wrong(baud, "a puppet with [[bus]] has the `baud` there")),
+            (None, entries) => {
+                let mut buses = heapless::Vec::new();
+                for (index, entry) in entries.iter().enumerate() {
+                    if entries.iter().take(index).any(|other| other.name.get_ref() == entry.name.get_ref()) {
+                        return Err(self.wrong(&entry.name, "another bus has this name"));
+                    }
+                    if *entry.baud.get_ref() == 0 {
+                        return Err(self.wrong(&entry.baud, "found 0, expected more"));
+                    }
+                    buses
+                        .push(BusSpec { kind: entry.kind.into(), baud: *entry.baud.get_ref() })
+                        .map_err(|_| self.wrong(&entry.name, &format!("more than {MAX_BUSES} buses")))?;
+                }
+                Ok(buses)
+            }
+        }
+    }
+
+    /// The number of a joint's bus.
+    fn bus_of(&self, entry: &Entry) -> Result<u8> {
+        match &entry.bus {
+            None if self.file.bus.len() < 2 => Ok(0),
+            None => Err(self.wrong(&entry.name, "expected `bus`, since there are several")),
+            Some(name) => {
+                let found = self.file.bus.iter().position(|bus| bus.name.get_ref() == name.get_ref());
+                let why = || format!("there is no [[bus]] with the name \"{}\"", name.get_ref());
+                Ok(u8::try_from(found.ok_or_else(|| self.wrong(name, &why()))?)?)
+            }
+        }
     }
 
     /// [`map`](Self::map) as the bytes that a device parses.
@@ -136,7 +325,8 @@ impl Puppet {
         to_bytes(&self.map(skeleton)?)
     }
 
-    fn joint(&self, entry: &Entry, skeleton: &Skeleton) -> Result<Joint> {
+    fn joint(&self, entry: &Entry, bus: u8, kind: BusKind, skeleton: &Skeleton) -> Result<Joint> {
+        let (lowest, highest, per_degree) = servo(kind);
         let name = entry.channel.get_ref();
         let Some(channel) = skeleton.channel(name) else {
             return Err(self.wrong(&entry.channel, &no_channel(name, skeleton)));
@@ -146,7 +336,7 @@ impl Puppet {
         let unit = if turns { "degree" } else { "cm" };
         let scale = match &entry.scale {
             Some(scale) => self.positive(scale, I16F16::MAX.to_num())?,
-            None if turns => f64::from(POSITIONS_PER_TURN) / 360.0,
+            None if turns => per_degree,
             None => {
                 return Err(self.wrong(&entry.channel, "a translation needs `scale`, in goal units per cm"));
             }
@@ -158,8 +348,7 @@ impl Puppet {
                 found => return Err(self.wrong(direction, &format!("found {found}, expected 1 or -1"))),
             },
         };
-        let middle = POSITIONS_PER_TURN / 2;
-        let zero = entry.zero.as_ref().map_or(middle, |zero| *zero.get_ref());
+        let zero = entry.zero.as_ref().map_or((lowest + highest + 1) / 2, |zero| *zero.get_ref());
         let to_goal = |value: f64| (f64::from(zero) + sign * scale * value).round();
         let ([one, other], place) = match (&entry.range, &entry.goal_range) {
             (Some(range), None) => (range.get_ref().map(to_goal), range.span()),
@@ -169,37 +358,70 @@ impl Puppet {
             }
         };
         let (min, max) = (one.min(other), one.max(other));
-        let highest = POSITIONS_PER_TURN - 1;
-        if !(min >= 0.0 && max <= f64::from(highest)) {
-            let why = format!("these are goals {min} to {max}, a servo takes 0 to {highest}");
+        if !(min >= f64::from(lowest) && max <= f64::from(highest)) {
+            let why = format!("these are goals {min} to {max}, a servo takes {lowest} to {highest}");
             return Err(self.wrong_at(place, &why));
         }
         if f64::from(zero) < min || f64::from(zero) > max {
             let why = format!("these are goals {min} to {max}, which must include the zero, {zero}");
             return Err(self.wrong_at(place, &why));
         }
+        let home = match &entry.home {
+            None => f64::from(zero),
+            Some(home) => {
+                let goal = to_goal(*home.get_ref());
+                if !(min..=max).contains(&goal) {
+                    let why = format!("this is goal {goal}, the range is {min} to {max}");
+                    return Err(self.wrong(home, &why));
+                }
+                goal
+            }
+        };
         let hz = f64::from(*self.file.servo_hz.get_ref());
-        let step = self.positive(&entry.max_speed, f64::MAX)? * scale / hz;
-        if step < 1.0 {
-            let why =
-                format!("less than one goal unit in 1/{hz} s, expected at least {:.2} {unit}s/s", hz / scale);
+        let fine = f64::from(1 << FINE_BITS);
+        let most = f64::from(MAX_VELOCITY);
+        let speed = self.positive(&entry.max_speed, f64::MAX)?;
+        let velocity = (speed * scale / hz * fine).min(most);
+        if velocity < 1.0 {
+            let why = format!("too slow for a servo at {hz} Hz, expected at least {:.4} {unit}s/s", hz / scale / fine);
             return Err(self.wrong(&entry.max_speed, &why));
         }
+        let acceleration = match &entry.max_acceleration {
+            None => speed / DEFAULT_RISE,
+            Some(acceleration) => self.positive(acceleration, f64::MAX)?,
+        };
+        let acceleration = (acceleration * scale / (hz * hz) * fine).clamp(1.0, most);
+        let idle = match &entry.idle {
+            None => Idle::default(),
+            Some(spanned) => {
+                let entry = *spanned.get_ref();
+                let goals = |value: f64| {
+                    let goals = (sign * scale * value).round();
+                    let fits = goals.abs() <= max - min;
+                    let why = || format!("{value} {unit}s are more than the joint's range");
+                    fits.then_some(goals as i16).ok_or_else(|| self.wrong(spanned, &why()))
+                };
+                Idle { breathing: goals(entry.breathing)?, sway: goals(entry.sway)?, gaze: goals(entry.gaze)? }
+            }
+        };
         let channel = u16::try_from(channel)
             .map_err(|_| self.wrong(&entry.channel, "a clip has at most 65535 channels"))?;
         let scale = I16F16::saturating_from_num(sign * scale);
         if scale == I16F16::ZERO {
             return Err(self.wrong(&entry.name, "the scale is too small for a servo to move"));
         }
-        let max_step = step.min(f64::from(POSITIONS_PER_TURN)) as i32;
         Ok(Joint {
             channel,
+            bus,
             id: *entry.id.get_ref(),
             zero,
+            home: home as i32,
             scale,
             min: min as i32,
             max: max as i32,
-            max_step,
+            max_velocity: velocity as i32,
+            max_acceleration: acceleration as i32,
+            idle,
         })
     }
 
@@ -276,19 +498,20 @@ mod tests {
         let skeleton = encoder::sample::clip().skeleton;
         let joint = map(ELBOW).unwrap().joints()[0];
         assert_eq!(skeleton.channels[usize::from(joint.channel)].name, "rradius.rx");
-        // 90° are a quarter of 4096, 10° are 113.8; 90°/s at 50 Hz are 20.48 a tick, rounded down.
-        assert_eq!((joint.id, joint.zero, joint.min, joint.max, joint.max_step), (3, 2048, 1024, 2162, 20));
+        // 90° are a quarter of 4096, 10° are 113.8; 90°/s at 50 Hz are 20.48 a tick, reached in 2.5 ticks.
+        assert_eq!((joint.id, joint.zero, joint.min, joint.max, joint.home), (3, 2048, 1024, 2162, 2048));
+        assert_eq!((joint.max_velocity, joint.max_acceleration), (20_971, 8_388));
         assert!((joint.scale.to_num::<f64>() - 4096.0 / 360.0).abs() < 1e-5);
-        assert_eq!(joint.goal(I16F16::from_num(-45)), 1536);
+        assert_eq!(joint.goal(I16F16::from_num(-45)) + 512 >> 10, 1536);
 
         let turned = map(&format!("{ELBOW}\ndirection = -1\nzero = 1000")).unwrap().joints()[0];
         assert_eq!((turned.min, turned.max), (886, 2024));
-        assert_eq!(turned.goal(I16F16::from_num(-45)), 1512);
+        assert_eq!(turned.goal(I16F16::from_num(-45)) + 512 >> 10, 1512);
 
         let goals = map(&ELBOW.replace("range = [-90, 10]", "goal_range = [2100, 2000]\nscale = 2.5"));
         let joint = goals.unwrap().joints()[0];
         assert_eq!((joint.min, joint.max, joint.scale), (2000, 2100, I16F16::lit("2.5")));
-        assert_eq!(joint.max_step, 4);
+        assert_eq!(joint.max_velocity, (4.5 * 1024.0) as i32);
 
         let slide = ELBOW.replace("rradius.rx", "root.ty").replace("[-90, 10]", "[-2, 2]\nscale = 100");
         assert_eq!(map(&slide).unwrap().joints()[0].min, 1848);
@@ -317,7 +540,11 @@ mod tests {
             ("range = [-90, 10]", "range = [-200, 10]", "a servo takes 0 to 4095"),
             ("range = [-90, 10]", "range = [-90, nan]", "line 7, key \"range\""),
             ("range = [-90, 10]", "", "either `range` or `goal_range`"),
-            ("max_speed = 90", "max_speed = 4", "line 8, key \"max_speed\": less than one goal unit"),
+            ("max_speed = 90", "max_speed = 0.001", "line 8, key \"max_speed\": too slow for a servo at 50 Hz"),
+            ("max_speed = 90", "max_speed = 90\nhome = 20", "line 9, key \"home\": this is goal 2276"),
+            ("max_speed = 90", "max_speed = 90\nidle = { gaze = 200 }", "more than the joint's range"),
+            ("max_speed = 90", "max_speed = 90\nidle = { smile = 2 }", "unknown field `smile`"),
+            ("max_speed = 90", "max_speed = 90\nbus = 'arm'", "no [[bus]] with the name \"arm\""),
             ("max_speed = 90", "max_speed = -1", "found -1, expected more than 0"),
             ("max_speed = 90", "max_speed = 90\ndirection = 2", "found 2, expected 1 or -1"),
             ("max_speed = 90", "max_speed = 90\nscale = 0", "line 9, key \"scale\": found 0"),
@@ -330,6 +557,63 @@ mod tests {
             assert!(error.starts_with("puppet.toml"), "{error}");
             assert_eq!(error.lines().count(), 1, "{error}");
         }
+    }
+
+    #[test]
+    fn what_a_puppet_does_not_say_has_a_value_and_what_it_says_counts() {
+        let with = |lines: &str| {
+            let text = format!("servo_hz = 50\n{lines}\n[[joint]]\n{ELBOW}\n");
+            Puppet::parse(Path::new("puppet.toml"), text)?.map(&encoder::sample::clip().skeleton)
+        };
+        assert_eq!(*with("baud = 1").unwrap().settings(), Settings::new(50));
+        let all = "baud = 1\ninterpolation = 'linear'\non_fault = 'torque-off'\nease_seconds = 1.5\nease_speed = 1\n\
+                   fade_seconds = 0\ntemperature_limit = 60\nmin_volts = 9.5\nservo_watchdog_ms = 0";
+        let expected = Settings {
+            tick_hz: 50,
+            interpolation: Interpolation::Linear,
+            policy: Policy::TorqueOff,
+            ease_millis: 1500,
+            ease_velocity: 256,
+            fade_millis: 0,
+            temperature_limit: 60,
+            min_millivolts: 9500,
+            servo_watchdog_millis: 0,
+        };
+        assert_eq!(*with(all).unwrap().settings(), expected);
+        let errors = [
+            ("", "expected `baud`"),
+            ("baud = 1\nease_speed = 2", "line 3, key \"ease_speed\": found 2, expected 0 to 1"),
+            ("baud = 1\nease_speed = 0", "the velocity of easing is 0/256"),
+            ("baud = 1\non_fault = 'panic'", "unknown variant `panic`"),
+            ("baud = 1\n[[bus]]\nname = 'a'\nkind = 'sts'\nbaud = 1", "has the `baud` there"),
+            ("[[bus]]\nname = 'a'\nkind = 'sts'\nbaud = 0", "line 5, key \"baud\": found 0"),
+        ];
+        for (lines, expected) in errors {
+            let error = format!("{:#}", with(lines).unwrap_err());
+            assert!(error.contains(expected), "{lines}: {error}");
+        }
+    }
+
+    #[test]
+    fn joints_of_several_buses_are_in_their_order_and_have_their_units() {
+        let bus = |name: &str, kind: &str| format!("[[bus]]\nname = '{name}'\nkind = '{kind}'\nbaud = 50\n");
+        let joint = |name: &str, bus: &str| {
+            let lines = ELBOW.replace("'elbow'", &format!("'{name}'")).replace("[-90, 10]", "[-80, 10]");
+            format!("[[joint]]\nbus = '{bus}'\n{lines}\n")
+        };
+        let text = format!(
+            "servo_hz = 50\n{}{}{}{}{}",
+            bus("arm", "sts"),
+            bus("face", "pwm"),
+            joint("a", "face"),
+            joint("b", "arm"),
+            joint("c", "arm").replace("id = 3", "id = 4"),
+        );
+        let puppet = Puppet::parse(Path::new("puppet.toml"), text).unwrap();
+        let map = puppet.map(&encoder::sample::clip().skeleton).unwrap();
+        let found: Vec<_> = map.joints().iter().map(|joint| (joint.bus, joint.id, joint.min)).collect();
+        assert_eq!(found, [(0, 3, 1138), (0, 4, 1138), (1, 3, 611)]);
+        assert_eq!(map.buses()[1], BusSpec { kind: BusKind::Pwm, baud: 50 });
     }
 
     #[test]

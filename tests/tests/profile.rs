@@ -4,10 +4,8 @@
 use bunraku_tests::{bunraku, motion, require_target, workspace};
 use decoder_core::qmd::Clip;
 use decoder_core::{I16F16, Limits, mclip};
-use firmware::drive::buffer_len;
 use firmware::dynamixel::sync_write::goal_positions;
 use firmware::map::{Joint, JointMap, MAX_SERVOS, bytes_len};
-use firmware::player::{Player, Repeat};
 use host_sim::profile::measure::Runner;
 use host_sim::profile::tick_images;
 use host_sim::thumb::Core;

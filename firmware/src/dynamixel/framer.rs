@@ -59,6 +59,7 @@ impl core::error::Error for FrameError {}
 ///     assert_eq!(packet.map(|p| (p.id, p.instruction)), Ok((1, 0x01)));
 /// }
 /// ```
+#[derive(Debug)]
 pub struct Framer<const N: usize> {
     buffer: [u8; N],
     /// `start..end` of the buffer is received and not yet given out.
@@ -78,6 +79,11 @@ impl<const N: usize> Framer<N> {
     pub const fn new() -> Self {
         const { assert!(N >= OVERHEAD, "a framer must hold at least a packet without parameters") };
         Self { buffer: [0; N], start: 0, end: 0 }
+    }
+
+    /// Forgets what is not yet given out.
+    pub fn clear(&mut self) {
+        (self.start, self.end) = (0, 0);
     }
 
     /// Takes bytes from the front of `input` and returns the next packet; `None` once all bytes are taken and no

@@ -9,7 +9,11 @@
 //! - [`packet`]: one packet, written into a caller's buffer with byte stuffing
 //! - [`framer`]: packets out of a stream of bytes, with resynchronisation
 //! - [`sync_write`]: the packet that the player sends every tick
+//! - [`client`]: every instruction over a port, with its answers
+//! - [`bus`]: servos of the X series as a [`ServoBus`](crate::bus::ServoBus)
 
+pub mod bus;
+pub mod client;
 pub mod crc;
 pub mod framer;
 pub mod instruction;
@@ -17,6 +21,8 @@ pub mod packet;
 pub mod sync_write;
 pub mod table;
 
+pub use bus::DynamixelBus;
+pub use client::Client;
 pub use framer::{FrameError, Framer};
 pub use instruction::{BROADCAST_ID, ErrorNumber, Instruction, MAX_ID};
 pub use packet::{Packet, PacketWriter, Status, WriteError};

@@ -5,15 +5,7 @@
 use super::instruction::{BROADCAST_ID, Instruction};
 use super::packet::{PacketWriter, WriteError, max_packet_len};
 use super::table::GOAL_POSITION;
-
-/// Where a servo shall go.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Goal {
-    /// Id of the servo, 0 to 252.
-    pub id: u8,
-    /// Goal position, 4096 a turn.
-    pub position: i32,
-}
+pub use crate::bus::Goal;
 
 /// Bytes that [`goal_positions`] takes at most for this many servos, stuffing included.
 #[must_use]

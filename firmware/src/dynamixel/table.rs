@@ -24,6 +24,12 @@ pub const RAM_START: u16 = 64;
 /// Positions in one turn.
 pub const POSITIONS_PER_TURN: i32 = 4096;
 
+/// Address of the first of 28 indirect addresses, 2 bytes each.
+pub const INDIRECT_ADDRESS: u16 = 168;
+
+/// Address of the first of 28 bytes that stand for what the indirect addresses name.
+pub const INDIRECT_DATA: u16 = 224;
+
 macro_rules! registers {
     ($($(#[$doc:meta])* $name:ident = $address:literal, $len:literal;)*) => {
         $($(#[$doc])* pub const $name: Register = Register::new($address, $len);)*

@@ -3,12 +3,12 @@
 use super::measure::Expected;
 use crate::clip::Clip;
 use crate::puppet::Map;
-use anyhow::Result;
+use anyhow::{Result, bail};
 use decoder_core::I16F16;
-use firmware::drive::buffer_len;
-use firmware::dynamixel::sync_write::goal_positions;
+use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
+use firmware::library::Single;
+use firmware::machine::{After, Machine, Rehearsal, Show, Start, State};
 use firmware::map::MAX_SERVOS;
-use firmware::player::{Player, Repeat};
 
 /// The frames of a clip.
 ///
@@ -17,25 +17,34 @@ use firmware::player::{Player, Repeat};
 pub fn frames(clip: &Clip<'_>) -> Result<Expected> {
     clip.decode(|decoder| {
         let mut frames = Vec::new();
-        while let Some(frame) = decoder.next_frame() {
+        while let Some(frame) = decoder.next_frame()? {
             frames.push(frame.iter().flat_map(|value| value.to_le_bytes()).collect());
         }
         Ok(Expected { element: size_of::<I16F16>(), frames })
     })
 }
 
-/// The packets that a puppet's servos get, one a tick.
+/// The packets that a puppet's servos get while it plays a clip once, one a tick.
 ///
 /// # Errors
 /// Where clip and map do not fit together.
 pub fn ticks(clip: &Clip<'_>, map: &Map) -> Result<Expected> {
     clip.decode(|decoder| {
-        let mut player = Player::new(decoder, clip.rate_centihertz(), map, Repeat::Once)?;
-        let mut packet = [0; buffer_len(MAX_SERVOS)];
+        let show = Show { playlist: &[0], after: After::Hold, ..Show::default() };
+        let mut machine = Machine::new(map, Single::new(decoder, None), show, Start::Power);
+        let mut rehearsal = Rehearsal::new(&machine);
+        let mut packet = [0; goal_positions_len(MAX_SERVOS)];
         let mut frames = Vec::new();
-        while let Some(goals) = player.tick() {
+        if !rehearsal.until_it_plays(&mut machine, PATIENCE) {
+            bail!("the clip does not come to play on this puppet: {:?}, {:?}", machine.state(), machine.fault());
+        }
+        while machine.state() == State::Playing {
+            let goals = rehearsal.tick(&mut machine);
             frames.push(goal_positions(&mut packet, goals)?.to_vec());
         }
         Ok(Expected { element: 1, frames })
     })
 }
+
+/// Ticks that a puppet has to get to its first pose: more than a minute at the highest rate.
+const PATIENCE: u32 = 100_000;

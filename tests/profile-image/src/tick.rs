@@ -1,6 +1,6 @@
 //! Plays the linked-in clip on the servos of the linked-in map: a Sync Write packet a tick, which nobody gets.
 //!
-//! As in `decode`, cycles are counted from outside; `decode_frame` here is a whole tick.
+//! As in `decode`, cycles are counted from outside; `decode_frame` here is a whole tick of a machine that plays.
 #![no_std]
 #![no_main]
 
@@ -12,19 +12,23 @@ mod store;
 use core::hint::black_box;
 use cortex_m_rt::entry;
 use ends::{failed, finished};
-use firmware::drive::buffer_len;
-use firmware::dynamixel::sync_write::goal_positions;
+use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
+use firmware::library::Single;
+use firmware::machine::{After, Machine, Rehearsal, Show, Start, State};
 use firmware::map::{JointMap, MAX_SERVOS};
-use firmware::player::{Player, Repeat};
 use store::{Decoder, Memory};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 
-/// The player, and memory for a packet.
+/// The machine, its servos, and memory for a packet.
 struct Stage {
-    player: Player<'static, Decoder, MAX_SERVOS>,
-    packet: [u8; buffer_len(MAX_SERVOS)],
+    machine: Machine<'static, Single<Decoder>, MAX_SERVOS>,
+    servos: Rehearsal<MAX_SERVOS>,
+    packet: [u8; goal_positions_len(MAX_SERVOS)],
 }
+
+/// Ticks that it may take to the first pose: more than a minute at the highest rate.
+const PATIENCE: u32 = 100_000;
 
 #[entry]
 fn main() -> ! {
@@ -50,15 +54,24 @@ fn open(
 ) -> Option<()> {
     let map: &'static JointMap<MAX_SERVOS> = joints.insert(JointMap::parse(black_box(MAP)).ok()?);
     let (decoder, rate_centihertz) = store::decoder(memory).ok()?;
-    let player = Player::new(decoder, rate_centihertz, map, Repeat::Once).ok()?;
-    *stage = Some(Stage { player, packet: [0; buffer_len(MAX_SERVOS)] });
+    let library = Single::new(decoder, Some(rate_centihertz));
+    let show = Show { playlist: &[0], after: After::Hold, ..Show::default() };
+    let mut machine = Machine::new(map, library, show, Start::Power);
+    let mut servos = Rehearsal::new(&machine);
+    if !servos.until_it_plays(&mut machine, PATIENCE) {
+        return None;
+    }
+    *stage = Some(Stage { machine, servos, packet: [0; goal_positions_len(MAX_SERVOS)] });
     Some(())
 }
 
-/// What is measured: decode, interpolate, limit, and write the packet.
+/// What is measured: look at the servos, decode, interpolate, blend, limit, and write the packet.
 #[inline(never)]
 #[unsafe(no_mangle)]
 fn decode_frame(stage: &mut Stage) -> Option<&[u8]> {
-    let goals = stage.player.tick()?;
+    if stage.machine.state() != State::Playing {
+        return None;
+    }
+    let goals = stage.servos.tick(&mut stage.machine);
     goal_positions(&mut stage.packet, goals).ok()
 }

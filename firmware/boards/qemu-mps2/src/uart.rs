@@ -1,4 +1,6 @@
 //! The CMSDK APB UART 0 of the MPS2 boards (Arm DDI 0479, section 4.3): the servo bus.
+//!
+//! Its buffers are one byte each way, so what comes in is taken by the interrupt.
 
 use crate::time::CLOCK_HZ;
 use core::convert::Infallible;
@@ -8,8 +10,10 @@ use core::task::Poll;
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
 use cortex_m_rt::exception;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::pipe::Pipe;
 use embassy_sync::waitqueue::AtomicWaker;
-use embedded_io_async::{ErrorType, Write};
+use embedded_io_async::{ErrorType, Read, Write};
 
 /// Registers of UART 0 (AN386, "Memory map").
 const DATA: *mut u32 = 0x4000_4000 as *mut u32;
@@ -20,29 +24,37 @@ const BAUDDIV: *mut u32 = 0x4000_4010 as *mut u32;
 
 /// STATE: the transmit buffer, one byte, is full.
 const TX_FULL: u32 = 1;
-/// CTRL: transmit, and interrupt when the buffer empties.
-const TX_ENABLE: u32 = 1;
-const TX_INTERRUPT_ENABLE: u32 = 1 << 2;
-/// INTCLEAR: the transmit interrupt.
+/// STATE: a byte has come in.
+const RX_FULL: u32 = 1 << 1;
+/// CTRL: transmit and receive, and interrupt when the one buffer empties and the other fills.
+const ENABLE: u32 = 0b1111;
+/// INTCLEAR: the transmit and the receive interrupt.
 const TX_INTERRUPT: u32 = 1;
+const RX_INTERRUPT: u32 = 1 << 1;
 
 /// Smallest divider that the UART takes.
 const MIN_DIVIDER: u32 = 16;
 
-/// Interrupt 1 (AN386, "Interrupts").
-#[derive(Clone, Copy)]
-struct Transmitted;
+/// Interrupts 0 and 1 (AN386, "Interrupts").
+#[derive(Clone, Copy, PartialEq)]
+enum Interrupt {
+    Received = 0,
+    Transmitted = 1,
+}
 
-// SAFETY: the number is that of UART 0's transmit interrupt and never changes.
-unsafe impl InterruptNumber for Transmitted {
+// SAFETY: the numbers are those of UART 0's interrupts and never change.
+unsafe impl InterruptNumber for Interrupt {
     fn number(self) -> u16 {
-        1
+        self as u16
     }
 }
 
 static EMPTIED: AtomicWaker = AtomicWaker::new();
 
-/// Sends bytes; waits for the line without spinning.
+/// Bytes that came in and were not read: more than the longest answer of 32 servos.
+static RECEIVED: Pipe<CriticalSectionRawMutex, 640> = Pipe::new();
+
+/// Sends and receives bytes; waits for the line without spinning.
 pub struct Uart(());
 
 /// A baud rate that the clock cannot be divided to.
@@ -63,8 +75,9 @@ impl Uart {
         // the interrupt is below.
         unsafe {
             write_volatile(BAUDDIV, divider);
-            write_volatile(CTRL, TX_ENABLE | TX_INTERRUPT_ENABLE);
-            NVIC::unmask(Transmitted);
+            write_volatile(CTRL, ENABLE);
+            NVIC::unmask(Interrupt::Received);
+            NVIC::unmask(Interrupt::Transmitted);
         }
         Ok(Self(()))
     }
@@ -104,12 +117,29 @@ impl Write for Uart {
     }
 }
 
+impl Read for Uart {
+    async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
+        Ok(RECEIVED.read(bytes).await)
+    }
+}
+
 #[exception]
 unsafe fn DefaultHandler(interrupt: i16) {
-    if interrupt != Transmitted.number() as i16 {
-        defmt::panic!("interrupt {} has no handler", interrupt);
+    match u16::try_from(interrupt) {
+        Ok(number) if number == Interrupt::Received.number() => {
+            // SAFETY: reads what came in and clears the interrupt, which only this handler does.
+            let byte = unsafe {
+                write_volatile(INTCLEAR, RX_INTERRUPT);
+                (read_volatile(STATE) & RX_FULL != 0).then(|| read_volatile(DATA) as u8)
+            };
+            // What nobody reads is lost; the answer that it belongs to then fails its checksum.
+            byte.into_iter().for_each(|byte| _ = RECEIVED.try_write(&[byte]));
+        }
+        Ok(number) if number == Interrupt::Transmitted.number() => {
+            // SAFETY: clears the interrupt, which only this handler does.
+            unsafe { write_volatile(INTCLEAR, TX_INTERRUPT) };
+            EMPTIED.wake();
+        }
+        _ => defmt::panic!("interrupt {} has no handler", interrupt),
     }
-    // SAFETY: clears the interrupt, which only this handler does.
-    unsafe { write_volatile(INTCLEAR, TX_INTERRUPT) };
-    EMPTIED.wake();
 }

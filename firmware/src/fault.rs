@@ -1,0 +1,275 @@
+//! What can go wrong with a puppet, and how the player notices.
+//!
+//! A fault latches: the puppet stays in the state that its [`Policy`](crate::map::Policy) names until someone
+//! acknowledges. docs/SAFETY.md lists each with the time that it takes and the test that shows it.
+
+use crate::bus::{
+    BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE,
+    ERROR_WATCHDOG, Reading,
+};
+use crate::map::Settings;
+use core::fmt;
+use decoder_core::Error;
+use heapless::Vec;
+
+/// A fault. Servos are numbered as in the joint map, from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Fault {
+    /// A servo does not answer.
+    Silent {
+        /// The servo.
+        servo: u8,
+    },
+    /// A servo is at its highest temperature, or says so itself.
+    Overheated {
+        /// The servo.
+        servo: u8,
+    },
+    /// A servo says that its load is too high.
+    Overloaded {
+        /// The servo.
+        servo: u8,
+    },
+    /// The supply is too low, or a servo says that it is out of its range.
+    Voltage {
+        /// The servo.
+        servo: u8,
+    },
+    /// A servo reports another hardware error.
+    Hardware {
+        /// The servo.
+        servo: u8,
+        /// Bits of [`Reading::hardware_error`].
+        bits: u8,
+    },
+    /// A servo has stopped by itself, since its bus was silent.
+    ServoWatchdog {
+        /// The servo.
+        servo: u8,
+    },
+    /// A servo has restarted: it lets go, and has forgotten its goal.
+    Rebooted {
+        /// The servo.
+        servo: u8,
+    },
+    /// A servo refused what it was told.
+    Refused {
+        /// The servo.
+        servo: u8,
+        /// Why.
+        error: BusError,
+    },
+    /// No servo of a bus can be reached: it is cut or shorted.
+    Bus {
+        /// Why.
+        error: BusError,
+    },
+    /// The one who streams, or who has to be there, is gone.
+    LinkLost,
+    /// The clip that plays is damaged.
+    Clip {
+        /// Where.
+        error: Error,
+    },
+    /// A clip that was to come next is not there, or does not fit the puppet.
+    NoClip {
+        /// Its number.
+        clip: u16,
+    },
+    /// Ticks came too late, several in a row.
+    Late,
+    /// The controller has restarted by itself: its supply broke in, or its watchdog bit.
+    Restarted,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Silent { servo } => write!(f, "servo {servo} does not answer"),
+            Self::Overheated { servo } => write!(f, "servo {servo} is too hot"),
+            Self::Overloaded { servo } => write!(f, "servo {servo} is overloaded"),
+            Self::Voltage { servo } => write!(f, "servo {servo} has a supply out of range"),
+            Self::Hardware { servo, bits } => write!(f, "servo {servo} reports hardware error {bits:#04x}"),
+            Self::ServoWatchdog { servo } => write!(f, "servo {servo} stopped, since its bus was silent"),
+            Self::Rebooted { servo } => write!(f, "servo {servo} has restarted"),
+            Self::Refused { servo, error } => write!(f, "servo {servo}: {error}"),
+            Self::Bus { error } => write!(f, "no servo can be reached: {error}"),
+            Self::LinkLost => f.write_str("the link is lost"),
+            Self::Clip { error } => write!(f, "the clip is damaged: {error}"),
+            Self::NoClip { clip } => write!(f, "clip {clip} is not there, or does not fit the puppet"),
+            Self::Late => f.write_str("ticks come too late"),
+            Self::Restarted => f.write_str("the controller has restarted by itself"),
+        }
+    }
+}
+
+/// Time in ms after which what stays wrong is a fault: with the braking that follows, a defined state is reached within 100.
+pub const PATIENCE_MILLIS: u16 = 60;
+
+/// What a tick has shown, for the next one.
+#[derive(Clone, Copy, Debug)]
+pub struct Feedback<'a> {
+    /// Of every servo, in the map's order; `None` where it did not answer or cannot.
+    pub readings: &'a [Option<Reading>],
+    /// How the goals were sent and the readings came.
+    pub bus: Result<(), BusError>,
+    /// How the last plan's action went, if it had one.
+    pub action: Option<Result<(), BusError>>,
+    /// Whether the tick began after the next one was due.
+    pub late: bool,
+}
+
+/// Counts what stays wrong.
+#[derive(Clone, Debug)]
+pub struct Watch<const N: usize> {
+    patience: u8,
+    silent: Vec<u8, N>,
+    low: Vec<u8, N>,
+    dead: u8,
+    late: u8,
+}
+
+impl<const N: usize> Watch<N> {
+    /// Nothing has been wrong with `servos` servos.
+    pub fn new(settings: &Settings, servos: usize) -> Self {
+        let none = || core::iter::repeat_n(0, servos).collect();
+        let ticks = u32::from(PATIENCE_MILLIS) * u32::from(settings.tick_hz) / 1000;
+        Self { patience: ticks.clamp(1, 60) as u8, silent: none(), low: none(), dead: 0, late: 0 }
+    }
+
+    /// Whether a servo has been silent for so long that it may be anywhere.
+    pub fn lost(&self, servo: usize) -> bool {
+        self.silent.get(servo).is_some_and(|&silent| silent >= self.patience)
+    }
+
+    /// The first fault that a tick's feedback shows. `reads` tells the servos that can be read, `armed` those that were
+    /// told to hold.
+    pub fn examine(
+        &mut self,
+        settings: &Settings,
+        feedback: &Feedback<'_>,
+        reads: impl Fn(usize) -> bool,
+        armed: impl Fn(usize) -> bool,
+    ) -> Option<Fault> {
+        let patience = self.patience;
+        let mut fault = None;
+        let counted = |count: &mut u8, wrong: bool| {
+            *count = if wrong { count.saturating_add(1) } else { 0 };
+            *count >= patience
+        };
+        for (index, (silent, low)) in self.silent.iter_mut().zip(&mut self.low).enumerate() {
+            let servo = index as u8;
+            let reading = feedback.readings.get(index).copied().flatten();
+            let gone = counted(silent, reading.is_none() && reads(index));
+            let found = match reading {
+                None => gone.then_some(Fault::Silent { servo }),
+                Some(reading) => {
+                    let below = reading.millivolts.is_some_and(|found| found < settings.min_millivolts);
+                    let low = counted(low, below);
+                    hardware(settings, servo, &reading)
+                        .or(low.then_some(Fault::Voltage { servo }))
+                        .or((armed(index) && reading.torque == Some(false))
+                            .then_some(Fault::Rebooted { servo }))
+                }
+            };
+            fault = fault.or(found);
+        }
+        // All at once is rather the bus.
+        if let (true, Err(error)) = (counted(&mut self.dead, feedback.bus.is_err()), feedback.bus) {
+            fault = Some(Fault::Bus { error });
+        }
+        let late = counted(&mut self.late, feedback.late);
+        fault.or(late.then_some(Fault::Late))
+    }
+}
+
+/// What a servo says of itself.
+fn hardware(settings: &Settings, servo: u8, reading: &Reading) -> Option<Fault> {
+    let limit = settings.temperature_limit;
+    let hot = limit > 0 && reading.temperature.is_some_and(|found| found >= limit);
+    let bits = reading.hardware_error;
+    let has = |bit: u8| bits & bit != 0;
+    if hot || has(ERROR_HEAT) {
+        Some(Fault::Overheated { servo })
+    } else if has(ERROR_OVERLOAD) {
+        Some(Fault::Overloaded { servo })
+    } else if has(ERROR_VOLTAGE) {
+        Some(Fault::Voltage { servo })
+    } else if has(ERROR_ENCODER | ERROR_SHOCK | ERROR_ALERT) {
+        Some(Fault::Hardware { servo, bits })
+    } else if has(ERROR_WATCHDOG) {
+        Some(Fault::ServoWatchdog { servo })
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WELL: Reading = Reading {
+        position: 0,
+        temperature: Some(40),
+        millivolts: Some(12_000),
+        load: None,
+        hardware_error: 0,
+        torque: Some(true),
+    };
+
+    type Shown = (Vec<Option<Reading>, 2>, Result<(), BusError>, bool);
+
+    /// The tick, from 1, in which a fault is seen first.
+    fn seen(feedback: &dyn Fn(u32) -> Shown) -> Option<(u32, Fault)> {
+        let settings = Settings { min_millivolts: 9_000, ..Settings::new(100) };
+        let mut watch = Watch::<2>::new(&settings, 2);
+        (1..50).find_map(|tick| {
+            let (readings, bus, late) = feedback(tick);
+            let feedback = Feedback { readings: &readings, bus, action: None, late };
+            watch.examine(&settings, &feedback, |_| true, |_| true).map(|fault| (tick, fault))
+        })
+    }
+
+    fn second(reading: Option<Reading>) -> Shown {
+        ([Some(WELL), reading].into_iter().collect(), Ok(()), false)
+    }
+
+    #[test]
+    fn what_stays_wrong_is_seen_in_time_and_what_passes_is_not() {
+        assert_eq!(seen(&|_| second(Some(WELL))), None);
+        assert_eq!(seen(&|_| second(None)), Some((6, Fault::Silent { servo: 1 })));
+        assert_eq!(seen(&|tick| second((tick % 6 == 0).then_some(WELL))), None);
+        let low = Reading { millivolts: Some(8_999), ..WELL };
+        assert_eq!(seen(&|_| second(Some(low))), Some((6, Fault::Voltage { servo: 1 })));
+        let none = || [None, None].into_iter().collect();
+        let dead = seen(&|_| (none(), Err(BusError::NoReply), false));
+        assert_eq!(dead, Some((6, Fault::Bus { error: BusError::NoReply })));
+        assert_eq!(seen(&|_| (second(Some(WELL)).0, Ok(()), true)), Some((6, Fault::Late)));
+        assert_eq!(seen(&|tick| (second(Some(WELL)).0, Ok(()), tick % 6 > 0)), None);
+    }
+
+    #[test]
+    fn what_a_servo_says_counts_at_once() {
+        let with = |change: fn(&mut Reading)| {
+            let mut reading = WELL;
+            change(&mut reading);
+            seen(&move |_| second(Some(reading)))
+        };
+        let servo = 1;
+        assert_eq!(with(|r| r.temperature = Some(70)), Some((1, Fault::Overheated { servo })));
+        assert_eq!(with(|r| r.temperature = Some(69)), None);
+        assert_eq!(with(|r| r.torque = Some(false)), Some((1, Fault::Rebooted { servo })));
+        for (bit, fault) in [
+            (ERROR_HEAT, Fault::Overheated { servo }),
+            (ERROR_OVERLOAD, Fault::Overloaded { servo }),
+            (ERROR_VOLTAGE, Fault::Voltage { servo }),
+            (ERROR_SHOCK, Fault::Hardware { servo, bits: ERROR_SHOCK }),
+            (ERROR_WATCHDOG, Fault::ServoWatchdog { servo }),
+        ] {
+            let reading = Reading { hardware_error: bit, ..WELL };
+            assert_eq!(seen(&move |_| second(Some(reading))), Some((1, fault)));
+        }
+    }
+}

@@ -1,0 +1,566 @@
+//! The state machine of a puppet: from power on to rest, and to a safe state from every fault.
+//!
+//! ```text
+//! Finding -> Reading -> Arming -> Opening -> Easing -> Playing -> Stopping -> Holding
+//!    ^                                          |         |          |           |
+//!    |                                          +--> Resting <- Easing home <----+
+//!    +--- acknowledge --- Holding, Resting or Limp, with a fault latched  <--- any fault
+//! ```
+//!
+//! Pure: a tick takes what the last one has shown ([`Feedback`]) and gives a [`Plan`]. [`drive`](crate::drive) carries
+//! it out. No goal ever leaves a servo's range, or moves faster or with more acceleration than the map allows; that
+//! is [`limits`](crate::limits), behind everything here.
+
+use crate::bus::Goal;
+use crate::fault::{Fault, Feedback, Watch};
+use crate::idle::{IdleLayer, IdlePose};
+use crate::interpolate::{Fraction, least_jerk, lerp};
+use crate::limits::{FINE_BITS, Limiter, Limits, clamp};
+use crate::map::{GOAL_LIMIT, Joint, JointMap, Policy};
+use crate::stage::{Library, Stage};
+use crate::voice::PlayError;
+use heapless::Vec;
+
+mod plan;
+mod rehearsal;
+#[cfg(test)]
+pub(crate) mod tests;
+
+pub use plan::{Action, After, Command, Plan, Show, Start, State};
+pub use rehearsal::Rehearsal;
+
+/// Time in ms that servos have to come up before one counts as missing.
+const FIND_MILLIS: u16 = 1500;
+
+#[derive(Clone, Copy, Debug)]
+struct Servo {
+    limiter: Limiter,
+    /// Where easing began, fine.
+    from: i32,
+    /// Whether it was told to hold.
+    armed: bool,
+}
+
+impl Servo {
+    /// A tick towards `wanted`, or of braking. A servo that does not hold stays where it was last seen.
+    fn go(&mut self, joint: &Joint, wanted: Option<i32>) {
+        match wanted {
+            _ if !self.armed => {}
+            Some(wanted) => self.limiter.follow(&joint.limits(), wanted),
+            None => self.limiter.stop(&joint.limits()),
+        }
+    }
+}
+
+/// A puppet that plays clips of `L` on up to `N` servos.
+pub struct Machine<'m, L: Library, const N: usize> {
+    map: &'m JointMap<N>,
+    stage: Stage<'m, L, N>,
+    state: State,
+    fault: Option<Fault>,
+    watch: Watch<N>,
+    servos: Vec<Servo, N>,
+    goals: Vec<Goal, N>,
+    idle: IdleLayer,
+    after: After,
+    /// The servo that is looked for or turned on, and ticks since it was asked first.
+    servo: usize,
+    waited: u32,
+    /// Ticks of easing, and how many there are.
+    eased: u32,
+    ease_ticks: u32,
+    /// What is to be done as soon as the bus is free for it.
+    rearm: bool,
+    let_go: bool,
+    /// The last plan's action.
+    asked: Option<Action>,
+}
+
+impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
+    /// A puppet whose power came on.
+    pub fn new(map: &'m JointMap<N>, library: L, show: Show<'m>, start: Start) -> Self {
+        let joints = map.joints();
+        let servo = |joint: &Joint| Servo { limiter: Limiter::at(joint.home), from: 0, armed: false };
+        Self {
+            stage: Stage::new(map, library, show),
+            state: State::Finding,
+            fault: (start == Start::ByItself).then_some(Fault::Restarted),
+            watch: Watch::new(map.settings(), joints.len()),
+            servos: joints.iter().map(servo).collect(),
+            goals: joints.iter().map(|joint| Goal { id: joint.id, position: joint.home }).collect(),
+            idle: IdleLayer::new(map.tick_hz(), 1),
+            after: show.after,
+            servo: 0,
+            waited: 0,
+            eased: 0,
+            ease_ticks: 0,
+            rearm: false,
+            let_go: false,
+            asked: None,
+            map,
+        }
+    }
+
+    /// Where the puppet is.
+    pub const fn state(&self) -> State {
+        self.state
+    }
+
+    /// The fault that is latched, the first one since the last acknowledgement.
+    pub const fn fault(&self) -> Option<Fault> {
+        self.fault
+    }
+
+    /// Whether the puppet has come to an end: nothing moves, and without a command nothing will.
+    pub fn at_rest(&self) -> bool {
+        match self.state {
+            State::Resting | State::Limp => true,
+            State::Holding => self.fault.is_some() || self.stage.is_empty(),
+            _ => false,
+        }
+    }
+
+    /// What plays.
+    pub const fn stage(&self) -> &Stage<'m, L, N> {
+        &self.stage
+    }
+
+    /// The clips.
+    pub const fn library(&mut self) -> &mut L {
+        self.stage.library()
+    }
+
+    /// The map that it plays by.
+    pub const fn map(&self) -> &'m JointMap<N> {
+        self.map
+    }
+
+    /// Takes a command; the next ticks carry it out.
+    ///
+    /// # Errors
+    /// Where a clip cannot be played: the puppet goes on as before.
+    pub fn command(&mut self, command: Command) -> Result<(), PlayError> {
+        match command {
+            Command::Play { clip, repeats } => {
+                self.stage.play(clip, repeats)?;
+                self.leave_rest();
+            }
+            Command::Queue { clip, repeats } => {
+                self.stage.queue(clip, repeats)?;
+                self.leave_rest();
+            }
+            Command::Trigger => {
+                if self.stage.trigger()? {
+                    self.leave_rest();
+                }
+            }
+            Command::Seek { frame } => self.stage.seek(frame)?,
+            Command::Sync { frame, fraction } => self.stage.sync(frame, fraction)?,
+            Command::Pause => self.stage.pause(),
+            Command::Resume => self.stage.resume(),
+            Command::Speed(speed) => self.stage.set_speed(speed),
+            Command::Stop => self.brake(After::Hold),
+            Command::Home => self.brake(After::Home),
+            Command::LinkLost => self.raise(Fault::LinkLost),
+            Command::Acknowledge => self.acknowledge(),
+        }
+        Ok(())
+    }
+
+    /// The next tick.
+    pub fn tick(&mut self, feedback: &Feedback<'_>) -> Plan<'_> {
+        self.look(feedback);
+        let action = match self.state {
+            State::Finding => self.find(feedback),
+            State::Reading => self.read(feedback),
+            State::Arming => self.arm(feedback),
+            _ => self.restore(feedback),
+        };
+        // In a fault nothing moves that does not have to.
+        if self.fault.is_some() {
+            self.idle.reset();
+        }
+        let idle = self.idle.tick(self.moves_by_itself());
+        self.act(idle);
+        self.asked = action;
+        // Servos that hold are told so while the others are looked for.
+        let sends = match self.state {
+            State::Finding | State::Reading => self.servos.iter().any(|servo| servo.armed),
+            state => state != State::Limp,
+        };
+        for (goal, servo) in self.goals.iter_mut().zip(&self.servos) {
+            goal.position = servo.limiter.goal();
+        }
+        Plan { goals: if sends { &self.goals } else { &[] }, action }
+    }
+
+    /// Whether the idle layer is on.
+    const fn moves_by_itself(&self) -> bool {
+        self.fault.is_none() && matches!(self.state, State::Playing | State::Holding)
+    }
+
+    // ---- Faults
+
+    fn look(&mut self, feedback: &Feedback<'_>) {
+        // A servo that comes back goes on from where it is, not from where it should be by now.
+        for (index, (servo, reading)) in self.servos.iter_mut().zip(feedback.readings).enumerate() {
+            if let (true, Some(reading)) = (self.watch.lost(index), reading) {
+                servo.limiter = Limiter::at(within(reading.position));
+                servo.from = servo.limiter.position();
+            }
+        }
+        let (map, servos) = (self.map, &self.servos);
+        let found = self.watch.examine(
+            map.settings(),
+            feedback,
+            |index| map.reads(index),
+            |index| servos.get(index).is_some_and(|servo| servo.armed),
+        );
+        // Before the servos are read nobody expects answers; what a servo then says of itself waits for its turn.
+        match (self.state, found) {
+            (State::Finding | State::Reading, _) | (_, None) => {}
+            (_, Some(fault)) => self.raise(fault),
+        }
+    }
+
+    /// Latches a fault, and goes the way that the policy says.
+    fn raise(&mut self, fault: Fault) {
+        if self.fault.is_some() {
+            return;
+        }
+        self.fault = Some(fault);
+        if let Fault::Clip { .. } = fault {
+            self.stage.drop_clips();
+        }
+        if self.map.settings().policy == Policy::TorqueOff {
+            self.let_go = true;
+            self.disarm();
+            self.state = State::Limp;
+        } else if !matches!(self.state, State::Finding | State::Reading) {
+            self.state = State::Stopping;
+        }
+    }
+
+    fn acknowledge(&mut self) {
+        if self.fault.take().is_none() {
+            return;
+        }
+        self.watch = Watch::new(self.map.settings(), self.map.joints().len());
+        self.let_go = false;
+        self.idle.reset();
+        self.enter(State::Finding);
+    }
+
+    fn disarm(&mut self) {
+        self.servos.iter_mut().for_each(|servo| servo.armed = false);
+    }
+
+    /// Holds servos that have restarted where they are, and lets go when that was decided.
+    fn restore(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
+        let done = feedback.action == Some(Ok(()));
+        if self.state == State::Limp {
+            if self.asked == Some(Action::TorqueOff) && done {
+                self.let_go = false;
+            }
+            return self.let_go.then_some(Action::TorqueOff);
+        }
+        match self.asked {
+            Some(Action::Watchdog { .. }) if done => self.rearm = false,
+            Some(Action::TorqueOn { servo }) if done => {
+                if let Some(servo) = self.servos.get_mut(servo) {
+                    servo.armed = true;
+                }
+                // It has forgotten its watchdog as well.
+                self.rearm = true;
+            }
+            _ => {}
+        }
+        let fallen = self.servos.iter_mut().zip(feedback.readings).enumerate().find_map(|(index, pair)| {
+            let (servo, reading) = (pair.0, (*pair.1)?);
+            (reading.torque == Some(false) && reading.hardware_error == 0).then(|| {
+                servo.limiter = Limiter::at(within(reading.position));
+                servo.from = servo.limiter.position();
+                servo.armed = false;
+                Action::TorqueOn { servo: index }
+            })
+        });
+        let watchdog = Action::Watchdog { millis: self.map.settings().servo_watchdog_millis };
+        fallen.or(self.rearm.then_some(watchdog))
+    }
+
+    // ---- From power on to the first pose
+
+    /// Pings servo by servo. One with a hardware error is restarted, which is what clears it.
+    fn find(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
+        if let (Some(Action::Ping { servo }), Some(result)) = (self.asked, feedback.action) {
+            match result {
+                Ok(()) => self.servo = servo + 1,
+                Err(_) if self.waited < self.map.settings().ticks(FIND_MILLIS) => {}
+                Err(_) => {
+                    // The rest is looked for as well, so that it can be held.
+                    self.fault = self.fault.or(Some(Fault::Silent { servo: servo as u8 }));
+                    self.servo = servo + 1;
+                }
+            }
+        }
+        self.waited += 1;
+        if self.servo < self.servos.len() {
+            return Some(Action::Ping { servo: self.servo });
+        }
+        self.enter(State::Reading);
+        None
+    }
+
+    /// Waits for the positions of all servos that have them.
+    fn read(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
+        let map = self.map;
+        self.waited += 1;
+        let faulty = |index: usize| {
+            feedback.readings.get(index).copied().flatten().is_some_and(|reading| reading.hardware_error != 0)
+        };
+        let settings = self.map.settings();
+        let patient = self.waited < settings.ticks(FIND_MILLIS);
+        if let Some(servo) = (0..self.servos.len()).find(|&index| faulty(index))
+            && patient
+            && self.fault.is_none()
+        {
+            // Asked again only after it had the time to come back.
+            return (self.waited % settings.ticks(FIND_MILLIS / 3) == 1).then_some(Action::Reboot { servo });
+        }
+        let missing = (0..self.servos.len())
+            .find(|&index| map.reads(index) && feedback.readings.get(index).is_none_or(|r| r.is_none()));
+        match missing {
+            Some(_) if patient => return None,
+            Some(servo) => self.fault = self.fault.or(Some(Fault::Silent { servo: servo as u8 })),
+            None => {}
+        }
+        if self.fault.is_some() && settings.policy == Policy::TorqueOff {
+            self.let_go = true;
+            self.enter(State::Limp);
+            return None;
+        }
+        self.settle(feedback);
+        self.enter(State::Arming);
+        // Servos whose watchdog has bitten refuse goals.
+        (settings.servo_watchdog_millis > 0).then_some(Action::Watchdog { millis: 0 })
+    }
+
+    /// Takes servos that do not hold to be where they say they are.
+    fn settle(&mut self, feedback: &Feedback<'_>) {
+        for (servo, reading) in self.servos.iter_mut().zip(feedback.readings) {
+            if let Some(reading) = reading {
+                servo.armed &= reading.torque != Some(false);
+                if !servo.armed {
+                    servo.limiter = Limiter::at(within(reading.position));
+                }
+            }
+        }
+    }
+
+    /// Turns servo by servo on; those that are still off may be moved by hand.
+    fn arm(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
+        if let (Some(Action::TorqueOn { servo }), Some(result)) = (self.asked, feedback.action) {
+            match result {
+                Ok(()) => {
+                    if let Some(servo) = self.servos.get_mut(servo) {
+                        servo.armed = true;
+                    }
+                    (self.servo, self.waited) = (servo + 1, 0);
+                }
+                Err(_) if self.waited < 3 => {}
+                Err(error) => {
+                    self.fault = self.fault.or(Some(Fault::Refused { servo: servo as u8, error }));
+                    (self.servo, self.waited) = (servo + 1, 0);
+                }
+            }
+        }
+        self.waited += 1;
+        self.settle(feedback);
+        if self.servo < self.servos.len() {
+            return Some(Action::TorqueOn { servo: self.servo });
+        }
+        self.enter(if self.fault.is_some() { State::Stopping } else { State::Opening });
+        let millis = self.map.settings().servo_watchdog_millis;
+        self.rearm = millis > 0;
+        None
+    }
+
+    fn enter(&mut self, state: State) {
+        self.state = state;
+        self.servo = 0;
+        self.waited = 0;
+        self.asked = None;
+        if state == State::Limp {
+            self.disarm();
+        }
+    }
+
+    // ---- Movement
+
+    /// A puppet that rests or holds gets up for a clip; one that has a fault does not.
+    fn leave_rest(&mut self) {
+        let waits =
+            matches!(self.state, State::Holding | State::Resting | State::Returning | State::Stopping);
+        self.after = self.stage.show().after;
+        if self.fault.is_none() && waits {
+            self.state = State::Opening;
+        }
+    }
+
+    fn brake(&mut self, after: After) {
+        self.stage.drop_clips();
+        self.after = after;
+        if matches!(
+            self.state,
+            State::Opening | State::Easing | State::Playing | State::Returning | State::Holding
+        ) {
+            self.state = State::Stopping;
+        }
+    }
+
+    fn act(&mut self, idle: IdlePose) {
+        match self.state {
+            State::Limp => {}
+            State::Finding | State::Reading | State::Arming => self.hold(),
+            State::Opening => {
+                self.hold();
+                if self.still() {
+                    self.open(idle);
+                }
+            }
+            State::Easing => {
+                if self.ease(Stage::goal) {
+                    self.state = State::Playing;
+                }
+            }
+            State::Playing => self.play(idle),
+            State::Stopping => {
+                self.hold();
+                if self.still() {
+                    self.stopped(idle);
+                }
+            }
+            State::Holding => self.sway(idle),
+            State::Returning => {
+                if self.ease(home) {
+                    self.state = State::Resting;
+                }
+            }
+            State::Resting => self.hold(),
+        }
+    }
+
+    /// Decodes towards the first pose; once there, begins to go to it.
+    fn open(&mut self, idle: IdlePose) {
+        match self.stage.open() {
+            Ok(true) if self.stage.is_empty() => self.stopped(idle),
+            Ok(true) => self.begin_easing(State::Easing, Stage::goal),
+            Ok(false) => {}
+            Err(error) => self.raise(error),
+        }
+    }
+
+    fn play(&mut self, idle: IdlePose) {
+        let Self { map, stage, servos, .. } = self;
+        for (index, (joint, servo)) in map.joints().iter().zip(servos).enumerate() {
+            let wanted = stage.goal(index, joint);
+            servo.go(joint, wanted.map(|wanted| wanted.saturating_add(idle.offset(&joint.idle))));
+        }
+        match stage.advance() {
+            Ok(true) => {}
+            Ok(false) => {
+                self.state = State::Stopping;
+            }
+            Err(error) => self.raise(error),
+        }
+    }
+
+    /// Where braking ended: what the policy says in a fault, what comes after clips otherwise.
+    fn stopped(&mut self, idle: IdlePose) {
+        let goes_home = match self.fault {
+            None => self.after == After::Home,
+            Some(Fault::Bus { .. }) => false,
+            Some(_) => self.map.settings().policy == Policy::EaseHome,
+        };
+        if goes_home {
+            self.begin_easing(State::Returning, home);
+        } else {
+            for (joint, servo) in self.map.joints().iter().zip(&mut self.servos) {
+                servo.from = servo.limiter.position() - idle.offset(&joint.idle);
+            }
+            self.state = State::Holding;
+        }
+    }
+
+    fn still(&self) -> bool {
+        self.servos.iter().all(|servo| servo.limiter.velocity() == 0)
+    }
+
+    fn hold(&mut self) {
+        for (joint, servo) in self.map.joints().iter().zip(&mut self.servos) {
+            servo.go(joint, None);
+        }
+    }
+
+    /// Holds a pose, alive.
+    fn sway(&mut self, idle: IdlePose) {
+        for (joint, servo) in self.map.joints().iter().zip(&mut self.servos) {
+            servo.go(joint, Some(servo.from.saturating_add(idle.offset(&joint.idle))));
+        }
+    }
+
+    /// Plans the way to a pose: as long as the joint with the longest way needs, at least as long as the map says.
+    fn begin_easing(&mut self, state: State, to: impl Fn(&Stage<'m, L, N>, usize, &Joint) -> Option<i32>) {
+        let Self { map, stage, servos, .. } = self;
+        let settings = map.settings();
+        let mut ticks = settings.ticks(settings.ease_millis).max(1);
+        for (index, (joint, servo)) in map.joints().iter().zip(servos).enumerate() {
+            servo.from = servo.limiter.position();
+            let to = to(stage, index, joint).unwrap_or(servo.from);
+            let way = u64::from(to.abs_diff(servo.from));
+            // The path's highest velocity is 15/8 of its mean, its highest acceleration 5.78 of the way over time squared.
+            let velocity =
+                u64::from(eased(&joint.limits(), settings.ease_velocity).max_velocity.unsigned_abs());
+            let by_velocity = (way * 15).div_ceil(velocity * 8);
+            let by_acceleration = (way * 6 / u64::from(joint.max_acceleration.unsigned_abs())).isqrt() + 1;
+            let needed = by_velocity.max(by_acceleration);
+            ticks = ticks.max(u32::try_from(needed).unwrap_or(u32::MAX));
+        }
+        // So that a fraction of it fits.
+        (self.eased, self.ease_ticks) = (0, ticks.min(100_000));
+        self.state = state;
+    }
+
+    /// A tick on the way to a pose; true where it is reached.
+    fn ease(&mut self, to: impl Fn(&Stage<'m, L, N>, usize, &Joint) -> Option<i32>) -> bool {
+        let Self { map, stage, servos, .. } = self;
+        self.eased += 1;
+        let last = self.eased >= self.ease_ticks;
+        let path = (!last).then(|| least_jerk(Fraction::of(self.eased, self.ease_ticks)));
+        let mut there = true;
+        for (index, (joint, servo)) in map.joints().iter().zip(servos).enumerate() {
+            let to = to(stage, index, joint).unwrap_or(servo.from);
+            let wanted = path.map_or(to, |path| lerp(servo.from, to, path));
+            servo.go(joint, Some(wanted));
+            let reachable = clamp(to, joint.min << FINE_BITS, joint.max << FINE_BITS);
+            there &= !servo.armed || servo.limiter.position() == reachable;
+        }
+        last && there
+    }
+}
+
+/// Where a joint is at rest, as [`Stage::goal`] says it of clips.
+fn home<L: Library, const N: usize>(_: &Stage<'_, L, N>, _: usize, joint: &Joint) -> Option<i32> {
+    Some(joint.home << FINE_BITS)
+}
+
+/// The limits on the way to a pose.
+const fn eased(limits: &Limits, share: u16) -> Limits {
+    let velocity = (limits.max_velocity as i64 * share as i64 / 256) as i32;
+    Limits { max_velocity: if velocity < 1 { 1 } else { velocity }, ..*limits }
+}
+
+/// A position as a servo reports it, brought to what a goal can be.
+fn within(position: i32) -> i32 {
+    clamp(position, -GOAL_LIMIT, GOAL_LIMIT)
+}

@@ -1,0 +1,574 @@
+use super::*;
+use crate::bus::{BusError, Reading};
+use crate::clock::Speed;
+use crate::map::{BusKind, BusSpec, Idle, Interpolation, Settings};
+use crate::voice::Frames;
+use decoder_core::{Error, Field, I16F16};
+use proptest::prelude::*;
+use std::collections::HashMap;
+
+pub(crate) const SERVOS: usize = 3;
+const HZ: u16 = 100;
+
+/// Clips of one channel a servo, from formulas.
+#[derive(Default)]
+pub(crate) struct Clips {
+    open: usize,
+    damaged_at: Option<u32>,
+}
+
+pub(crate) struct Formula {
+    clip: u16,
+    next: u32,
+    frame: [I16F16; SERVOS],
+    damaged_at: Option<u32>,
+}
+
+const DAMAGED: Error = Error::Checksum { field: Field::CodeTables, at: 0, expected: 1, found: 2 };
+
+const FRAMES: u32 = 240;
+
+fn value(clip: u16, frame: u32, channel: usize) -> I16F16 {
+    let phase = f64::from(frame) / 60.0 + channel as f64 + f64::from(clip);
+    I16F16::from_num(20.0 * f64::from(clip) + 30.0 * phase.sin())
+}
+
+impl Frames for Formula {
+    fn channels(&self) -> usize {
+        SERVOS
+    }
+    fn frames(&self) -> u32 {
+        FRAMES
+    }
+    fn rate_centihertz(&self) -> u16 {
+        6_000
+    }
+    fn position(&self) -> u32 {
+        self.next
+    }
+    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
+        if self.damaged_at == Some(self.next) {
+            return Err(DAMAGED);
+        }
+        if self.next >= FRAMES {
+            return Ok(None);
+        }
+        for channel in 0..SERVOS {
+            self.frame[channel] = value(self.clip, self.next, channel);
+        }
+        self.next += 1;
+        Ok(Some(&self.frame))
+    }
+    fn approach(&mut self, frame: u32) {
+        if self.next > frame {
+            self.next = 0;
+        }
+    }
+}
+
+impl Library for Clips {
+    type Frames = Formula;
+
+    fn open(&mut self, clip: u16) -> Result<Formula, PlayError> {
+        if clip > 3 {
+            return Err(PlayError::NoClip { clip });
+        }
+        self.open += 1;
+        assert!(self.open <= 2, "memory for two decoders is enough");
+        Ok(Formula { clip, next: 0, frame: [I16F16::ZERO; SERVOS], damaged_at: self.damaged_at })
+    }
+
+    fn close(&mut self, _: Formula) {
+        self.open -= 1;
+    }
+}
+
+fn joint(id: u8) -> Joint {
+    Joint {
+        channel: u16::from(id) - 1,
+        bus: 0,
+        id,
+        zero: 2048,
+        home: 2000,
+        scale: I16F16::lit("11.378"),
+        min: 500,
+        max: 3500,
+        max_velocity: 60 << 10,
+        max_acceleration: 6 << 10,
+        idle: Idle { breathing: 10, sway: 5, gaze: 20 },
+    }
+}
+
+pub(crate) fn map(settings: Settings) -> JointMap<4> {
+    let buses = [BusSpec { kind: BusKind::Dynamixel, baud: 1_000_000 }].into_iter().collect();
+    JointMap::new(settings, buses, (1..=SERVOS as u8).map(joint).collect()).unwrap()
+}
+
+/// A servo that is where it was told to be at once, if its torque is on.
+#[derive(Clone, Copy)]
+struct Motor {
+    position: i32,
+    torque: bool,
+    silent: bool,
+    hardware_error: u8,
+    temperature: u8,
+}
+
+struct World<'m> {
+    machine: Machine<'m, Clips, 4>,
+    motors: [Motor; SERVOS],
+    bus: Result<(), BusError>,
+    late: bool,
+    action: Option<Result<(), BusError>>,
+    actions: std::vec::Vec<Action>,
+    /// What each motor was told last, and how far that was from what it was told before.
+    velocity: HashMap<usize, i32>,
+    told: HashMap<usize, i32>,
+    tick: u32,
+    watched: Option<u16>,
+}
+
+impl<'m> World<'m> {
+    fn new(map: &'m JointMap<4>, show: Show<'m>, positions: [i32; SERVOS]) -> Self {
+        let motor =
+            |position| Motor { position, torque: false, silent: false, hardware_error: 0, temperature: 30 };
+        Self {
+            machine: Machine::new(map, Clips::default(), show, Start::Power),
+            motors: positions.map(motor),
+            bus: Ok(()),
+            late: false,
+            action: None,
+            actions: std::vec::Vec::new(),
+            velocity: HashMap::new(),
+            told: HashMap::new(),
+            tick: 0,
+            watched: None,
+        }
+    }
+
+    /// A tick, with what must hold in each.
+    fn tick(&mut self) {
+        let readings: std::vec::Vec<Option<Reading>> = self
+            .motors
+            .iter()
+            .map(|motor| {
+                (!motor.silent && self.bus.is_ok()).then_some(Reading {
+                    position: motor.position,
+                    temperature: Some(motor.temperature),
+                    millivolts: Some(12_000),
+                    load: None,
+                    hardware_error: motor.hardware_error,
+                    torque: Some(motor.torque),
+                })
+            })
+            .collect();
+        let feedback =
+            Feedback { readings: &readings, bus: self.bus, action: self.action.take(), late: self.late };
+        let plan = self.machine.tick(&feedback);
+        let (action, goals) = (plan.action, plan.goals.to_vec());
+        for (index, goal) in goals.iter().enumerate() {
+            let joint = joint(goal.id);
+            let motor = &mut self.motors[index];
+            let last = self.told.insert(index, goal.position);
+            // A motor that is told for the first time, or again after a loss, is told to be where it is.
+            let begins = (goal.position - motor.position).abs() <= 7;
+            if !motor.torque {
+                self.velocity.remove(&index);
+            } else if let Some(last) = last {
+                // What it is told jumps where it was lost and is found again, its way does not.
+                let step = goal.position - if begins { motor.position } else { last };
+                assert!(step.abs() <= 61, "servo {index} jumps by {step} at tick {}", self.tick);
+                let change = step - self.velocity.insert(index, step).unwrap_or(0);
+                assert!(begins || change.abs() <= 8, "servo {index} jerks by {change} at tick {}", self.tick);
+                let inwards = last < joint.min && step >= 0 || last > joint.max && step <= 0;
+                assert!(begins || inwards || (joint.min..=joint.max).contains(&goal.position), "{goal:?}");
+            } else {
+                assert!(begins, "servo {index} starts at {}, told {}", motor.position, goal.position);
+            }
+            if motor.torque && !motor.silent && self.bus.is_ok() {
+                motor.position = goal.position;
+            }
+        }
+        if goals.is_empty() {
+            self.told.clear();
+            self.velocity.clear();
+        }
+        self.action = action.map(|action| self.act(action));
+        self.actions.extend(action);
+        self.tick += 1;
+    }
+
+    fn act(&mut self, action: Action) -> Result<(), BusError> {
+        self.bus?;
+        let reach = |motor: &Motor| if motor.silent { Err(BusError::NoReply) } else { Ok(()) };
+        match action {
+            Action::Ping { servo } => reach(&self.motors[servo]),
+            Action::TorqueOn { servo } => {
+                let motor = &mut self.motors[servo];
+                reach(motor)?;
+                if motor.hardware_error != 0 {
+                    return Err(BusError::Refused(7));
+                }
+                let told = self.told[&servo];
+                assert!((told - motor.position).abs() <= 7, "{told} is told where {} is", motor.position);
+                motor.torque = true;
+                Ok(())
+            }
+            Action::TorqueOff => {
+                self.motors.iter_mut().for_each(|motor| motor.torque = false);
+                Ok(())
+            }
+            Action::Reboot { servo } => {
+                let motor = &mut self.motors[servo];
+                reach(motor)?;
+                (motor.torque, motor.hardware_error) = (false, 0);
+                Ok(())
+            }
+            Action::Watchdog { millis } => {
+                self.watched = Some(millis);
+                Ok(())
+            }
+        }
+    }
+
+    /// Ticks until `done`; how many it took.
+    fn until(&mut self, limit: u32, done: impl Fn(&Self) -> bool) -> u32 {
+        let start = self.tick;
+        while !done(self) {
+            assert!(self.tick - start < limit, "still {:?} after {limit} ticks", self.machine.state());
+            self.tick();
+        }
+        self.tick - start
+    }
+
+    fn until_state(&mut self, limit: u32, state: State) -> u32 {
+        self.until(limit, |world| world.machine.state() == state)
+    }
+
+    fn positions(&self) -> [i32; SERVOS] {
+        self.motors.map(|motor| motor.position)
+    }
+}
+
+const ONE: &[u16] = &[1];
+
+fn show() -> Show<'static> {
+    Show { playlist: ONE, ..Show::default() }
+}
+
+#[test]
+fn from_any_posture_to_the_clip_and_home_without_a_jump() {
+    let map = map(Settings::new(HZ));
+    for positions in [[2048; 3], [500, 3500, 2000], [3499, 501, 700], [100, 4000, -3000]] {
+        let mut world = World::new(&map, show(), positions);
+        world.until_state(20, State::Arming);
+        assert_eq!(world.positions(), positions, "nothing moves before it is held");
+        world.until_state(2000, State::Playing);
+        for (channel, position) in world.positions().into_iter().enumerate() {
+            let first = map.joints()[channel].goal(value(1, 0, channel)) >> 10;
+            assert!((position - first).abs() <= 1, "{position} {first}");
+        }
+        // 239 frames at 60 Hz.
+        let ticks = world.until_state(1000, State::Stopping);
+        assert!((399..=401).contains(&ticks), "{ticks}");
+        world.until_state(1000, State::Resting);
+        assert_eq!(world.positions(), [2000; 3]);
+        assert!(world.machine.at_rest());
+        assert_eq!(world.watched, Some(200));
+    }
+}
+
+#[test]
+fn clips_are_played_as_recorded() {
+    let settings = Settings { interpolation: Interpolation::Linear, ..Settings::new(60) };
+    let map = map(settings);
+    let mut world = World::new(&map, show(), [2048; 3]);
+    world.until_state(2000, State::Playing);
+    // At 60 Hz each tick is a frame, and the idle layer fades in.
+    for frame in 0..200 {
+        world.tick();
+        let position = world.positions()[0];
+        let exact = map.joints()[0].goal(value(1, frame, 0)) >> 10;
+        assert!((position - exact).abs() <= 36, "frame {frame}: {position} {exact}");
+    }
+}
+
+#[test]
+fn playlists_fade_from_clip_to_clip() {
+    let map = map(Settings::new(HZ));
+    let show = Show { playlist: &[1, 2, 3], after: After::Hold, ..Show::default() };
+    let mut world = World::new(&map, show, [2048; 3]);
+    world.until_state(2000, State::Playing);
+    let mut seen = std::vec::Vec::new();
+    let ticks =
+        u64::from(world.until(3000, |world| world.machine.state() != State::Playing || world.tick % 20 == 0));
+    let _ = ticks;
+    while world.machine.state() == State::Playing {
+        world.tick();
+        if let Some((clip, ..)) = world.machine.stage().position()
+            && seen.last() != Some(&clip)
+        {
+            seen.push(clip);
+        }
+    }
+    assert_eq!(seen, [1, 2, 3]);
+    world.until_state(100, State::Holding);
+    assert!(world.machine.at_rest());
+    assert_eq!(world.machine.library().open, 0);
+}
+
+#[test]
+fn an_idle_clip_fills_the_gaps_and_the_trigger_interrupts_it() {
+    let map = map(Settings::new(HZ));
+    let show = Show { idle_clip: Some(0), trigger_clip: Some(2), ..Show::default() };
+    let mut world = World::new(&map, show, [2048; 3]);
+    world.until_state(2000, State::Playing);
+    for _ in 0..3 {
+        (0..1000).for_each(|_| world.tick());
+        let clip = |world: &World<'_>| world.machine.stage().position().map(|at| at.0);
+        assert_eq!((world.machine.state(), clip(&world)), (State::Playing, Some(0)));
+        world.machine.command(Command::Trigger).unwrap();
+        world.until(100, |world| clip(world) == Some(2));
+        // A second press does not start it again.
+        (0..100).for_each(|_| world.tick());
+        world.machine.command(Command::Trigger).unwrap();
+        world.until(400, |world| clip(world) == Some(0));
+    }
+}
+
+#[test]
+fn speed_pause_seek_and_stop() {
+    let map = map(Settings::new(HZ));
+    let show = Show { idle_clip: Some(1), ..Show::default() };
+    let mut world = World::new(&map, show, [2048; 3]);
+    world.until_state(2000, State::Playing);
+    let frame = |world: &World<'_>| world.machine.stage().position().unwrap().1;
+    world.machine.command(Command::Speed(Speed::new(128))).unwrap();
+    (0..100).for_each(|_| world.tick());
+    let before = frame(&world);
+    (0..200).for_each(|_| world.tick());
+    assert!((59..=61).contains(&(frame(&world) - before)), "half speed");
+    world.machine.command(Command::Pause).unwrap();
+    (0..60).for_each(|_| world.tick());
+    let (paused, clip) = (frame(&world), world.machine.stage().position().unwrap());
+    (0..100).for_each(|_| world.tick());
+    assert_eq!(world.machine.stage().position().unwrap(), clip);
+    world.machine.command(Command::Resume).unwrap();
+    (0..60).for_each(|_| world.tick());
+    assert!(frame(&world) > paused);
+    world.machine.command(Command::Seek { frame: 20 }).unwrap();
+    world.until(100, |world| (20..60).contains(&frame(world)));
+    world.machine.command(Command::Stop).unwrap();
+    world.until_state(30, State::Holding);
+    assert!(world.machine.stage().is_empty());
+    let held = world.positions();
+    let mut moved = 0;
+    for _ in 0..500 {
+        world.tick();
+        moved = world.positions().iter().zip(held).map(|(a, b)| (a - b).abs()).fold(moved, i32::max);
+    }
+    assert!((3..=35).contains(&moved), "it breathes, by {moved}");
+    world.machine.command(Command::Home).unwrap();
+    world.until_state(500, State::Resting);
+    assert_eq!(
+        world.machine.command(Command::Play { clip: 9, repeats: false }),
+        Err(PlayError::NoClip { clip: 9 })
+    );
+    world.machine.command(Command::Play { clip: 3, repeats: false }).unwrap();
+    world.until_state(500, State::Playing);
+    world.until(1000, |world| world.machine.stage().position().is_some_and(|at| at.0 == 1));
+}
+
+#[test]
+fn an_outside_clock_is_followed() {
+    let map = map(Settings::new(HZ));
+    let mut world = World::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
+    world.until_state(2000, State::Playing);
+    (0..100).for_each(|_| world.tick());
+    // The outside is at frame 62 while the clip is at 60, and runs on.
+    let (_, at, phase) = world.machine.stage().position().unwrap();
+    world.machine.command(Command::Sync { frame: at + 2, fraction: phase }).unwrap();
+    (0..100).for_each(|_| world.tick());
+    let (_, now, _) = world.machine.stage().position().unwrap();
+    assert!((now - at - 62).abs_diff(0) <= 1 || now == at + 61, "{at} {now}");
+    world.machine.command(Command::Sync { frame: 200, fraction: 0 }).unwrap();
+    world.until(100, |world| world.machine.stage().position().unwrap().1 >= 200);
+}
+
+/// Ticks from a fault to the state that its policy says.
+fn settle(policy: Policy, state: State, harm: impl Fn(&mut World<'_>), expected: Fault) -> u32 {
+    let map = map(Settings { policy, ..Settings::new(HZ) });
+    let mut world = World::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
+    world.until_state(2000, State::Playing);
+    (0..137).for_each(|_| world.tick());
+    let before = world.positions();
+    harm(&mut world);
+    let ticks = world.until(500, |world| world.machine.fault().is_some() && world.machine.state() == state);
+    assert_eq!(world.machine.fault(), Some(expected));
+    // It latches, and nothing plays.
+    (0..300).for_each(|_| world.tick());
+    assert_eq!(
+        (world.machine.fault(), world.machine.command(Command::Play { clip: 1, repeats: true })),
+        (Some(expected), Ok(()))
+    );
+    (0..300).for_each(|_| world.tick());
+    assert_ne!(world.machine.state(), State::Playing);
+    if state == State::Holding && world.bus.is_ok() {
+        let moved = world.positions().iter().zip(before).map(|(a, b)| (a - b).abs()).max().unwrap();
+        assert!(moved <= 300, "held where it was, {moved}");
+    }
+    // Made good and acknowledged it plays again.
+    world.bus = Ok(());
+    world.late = false;
+    world.machine.library().damaged_at = None;
+    for motor in &mut world.motors {
+        (motor.silent, motor.temperature) = (false, 30);
+    }
+    world.machine.command(Command::Acknowledge).unwrap();
+    world.until_state(2000, State::Playing);
+    assert_eq!(world.machine.fault(), None);
+    ticks
+}
+
+#[test]
+fn every_fault_leads_to_a_held_pose_within_100_ms() {
+    let hold = |harm: fn(&mut World<'_>), fault| settle(Policy::Hold, State::Holding, harm, fault);
+    type Case = (fn(&mut World<'_>), Fault);
+    let cases: [Case; 9] = [
+        (|world| world.motors[1].silent = true, Fault::Silent { servo: 1 }),
+        (|world| world.motors[2].temperature = 70, Fault::Overheated { servo: 2 }),
+        (|world| world.motors[0].hardware_error = 1 << 5, Fault::Overloaded { servo: 0 }),
+        (|world| world.motors[0].hardware_error = 1 << 0, Fault::Voltage { servo: 0 }),
+        (|world| world.bus = Err(BusError::NoReply), Fault::Bus { error: BusError::NoReply }),
+        (|world| world.late = true, Fault::Late),
+        (|world| world.machine.command(Command::LinkLost).unwrap(), Fault::LinkLost),
+        (|world| world.motors[1].torque = false, Fault::Rebooted { servo: 1 }),
+        (|world| world.motors[1].hardware_error = 1 << 6, Fault::ServoWatchdog { servo: 1 }),
+    ];
+    for (harm, fault) in cases {
+        let ticks = hold(harm, fault);
+        assert!(ticks <= 10, "{fault:?}: {ticks} ticks of 10 ms");
+    }
+}
+
+#[test]
+fn policies_go_home_or_let_go() {
+    let hot: fn(&mut World<'_>) = |world| world.motors[2].temperature = 70;
+    let fault = Fault::Overheated { servo: 2 };
+    settle(Policy::EaseHome, State::Resting, hot, fault);
+    assert!(settle(Policy::TorqueOff, State::Limp, hot, fault) <= 2);
+}
+
+#[test]
+fn a_servo_that_restarted_is_held_where_it_is() {
+    let map = map(Settings::new(HZ));
+    let mut world = World::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
+    world.until_state(2000, State::Playing);
+    (0..100).for_each(|_| world.tick());
+    world.motors[1].torque = false;
+    world.motors[1].position -= 200;
+    let fallen = world.motors[1].position;
+    world.watched = None;
+    (0..20).for_each(|_| world.tick());
+    assert_eq!((world.motors[1].torque, world.motors[1].position), (true, fallen));
+    assert_eq!(world.watched, Some(200), "its watchdog is armed again");
+    assert_eq!(world.machine.fault(), Some(Fault::Rebooted { servo: 1 }));
+    world.machine.command(Command::Acknowledge).unwrap();
+    world.until_state(2000, State::Playing);
+}
+
+#[test]
+fn a_damaged_clip_is_left() {
+    let map = map(Settings::new(HZ));
+    let mut world = World::new(&map, Show::default(), [2048; 3]);
+    world.machine.library().damaged_at = Some(50);
+    world.until_state(2000, State::Resting);
+    world.machine.command(Command::Play { clip: 1, repeats: false }).unwrap();
+    world.until(1000, |world| world.machine.fault().is_some());
+    assert_eq!(world.machine.fault(), Some(Fault::Clip { error: DAMAGED }));
+    world.until_state(10, State::Holding);
+    assert_eq!(world.machine.library().open, 0);
+}
+
+#[test]
+fn a_missing_servo_is_a_fault_and_the_others_are_held() {
+    let map = map(Settings::new(HZ));
+    let mut world = World::new(&map, show(), [2048; 3]);
+    world.motors[1].silent = true;
+    world.until_state(600, State::Holding);
+    assert_eq!(world.machine.fault(), Some(Fault::Silent { servo: 1 }));
+    assert_eq!(world.motors.map(|motor| motor.torque), [true, false, true]);
+}
+
+#[test]
+fn a_servo_with_a_hardware_error_is_restarted_at_the_start() {
+    let map = map(Settings::new(HZ));
+    let mut world = World::new(&map, show(), [2048; 3]);
+    world.motors[1].hardware_error = 1 << 5;
+    world.until_state(600, State::Playing);
+    assert!(world.actions.contains(&Action::Reboot { servo: 1 }));
+}
+
+#[test]
+fn after_a_restart_by_itself_nothing_plays_before_someone_looked() {
+    let map = map(Settings::new(HZ));
+    let mut world = World::new(&map, show(), [2048; 3]);
+    world.machine = Machine::new(&map, Clips::default(), show(), Start::ByItself);
+    world.until_state(100, State::Holding);
+    (0..300).for_each(|_| world.tick());
+    assert_eq!((world.machine.state(), world.positions()), (State::Holding, [2048; 3]));
+    world.machine.command(Command::Acknowledge).unwrap();
+    world.until_state(600, State::Playing);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// Whatever is commanded and whatever fails: `World::tick` checks every goal.
+    #[test]
+    fn nothing_makes_it_jump(
+        events in prop::collection::vec((0u32..60, 0u8..24, any::<u32>()), 1..60),
+        policy in 0u8..3,
+        start in prop::array::uniform3(0i32..4096),
+    ) {
+        let policy = [Policy::Hold, Policy::EaseHome, Policy::TorqueOff][usize::from(policy)];
+        let settings = Settings { policy, ease_millis: 300, ..Settings::new(HZ) };
+        let map = map(settings);
+        let show = Show { playlist: &[1, 2], idle_clip: Some(0), trigger_clip: Some(3), ..Show::default() };
+        let mut world = World::new(&map, show, start);
+        for (wait, event, value) in events {
+            let servo = value as usize % SERVOS;
+            let clip = (value >> 8) as u16 % 5;
+            let frame = value >> 8 & 0xff;
+            let command = match event {
+                0..3 => Some(Command::Play { clip, repeats: value & 1 == 0 }),
+                3 => Some(Command::Queue { clip, repeats: value & 1 == 0 }),
+                4 => Some(Command::Pause),
+                5 => Some(Command::Resume),
+                6 => Some(Command::Speed(Speed::new(value as u16))),
+                7 => Some(Command::Seek { frame }),
+                8 => Some(Command::Sync { frame, fraction: value as u16 }),
+                9 => Some(Command::Stop),
+                10 => Some(Command::Home),
+                11 => Some(Command::Trigger),
+                12 => Some(Command::LinkLost),
+                13..17 => Some(Command::Acknowledge),
+                _ => None,
+            };
+            match event {
+                17 => world.motors[servo].silent ^= true,
+                18 => world.motors[servo].hardware_error ^= 1 << 5,
+                19 => world.motors[servo].torque = false,
+                20 => world.bus = if world.bus.is_ok() { Err(BusError::Corrupt) } else { Ok(()) },
+                21 => world.late ^= true,
+                22 => world.motors[servo].temperature ^= 100,
+                23 if !world.motors[servo].torque => world.motors[servo].position = (value >> 16) as i32 & 4095,
+                _ => {}
+            }
+            if let Some(command) = command {
+                let _ = world.machine.command(command);
+            }
+            (0..wait).for_each(|_| world.tick());
+        }
+    }
+}

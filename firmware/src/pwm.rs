@@ -1,0 +1,213 @@
+//! Hobby servos on PWM channels as a [`ServoBus`]: a pulse of 500 to 2500 µs, 50 times a second.
+//!
+//! Goal units are microseconds of pulse. A servo is driven from its first goal on and only while its torque is on; else
+//! its line stays low, and it is limp. Nothing can be read back.
+
+use crate::bus::{BusError, Goal, Reading, ServoBus};
+use embedded_hal::pwm::SetDutyCycle;
+
+/// How a servo answers to pulses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Calibration {
+    /// Shortest pulse in microseconds that the servo may get.
+    pub min_us: u16,
+    /// Longest pulse in microseconds, at least `min_us`.
+    pub max_us: u16,
+    /// Added to each goal, in microseconds: the horn sits on a spline and is rarely where it should be.
+    pub trim_us: i16,
+}
+
+impl Calibration {
+    /// What most servos take: 500 to 2500 µs, no trim.
+    pub const WIDE: Self = Self { min_us: 500, max_us: 2500, trim_us: 0 };
+
+    /// The pulse for a goal.
+    #[must_use]
+    pub fn pulse_us(&self, position: i32) -> u16 {
+        let pulse = position.saturating_add(self.trim_us.into());
+        pulse.min(self.max_us.into()).max(self.min_us.into()) as u16
+    }
+}
+
+impl Default for Calibration {
+    fn default() -> Self {
+        Self::WIDE
+    }
+}
+
+/// What a servo without feedback was told last.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Told {
+    pulse_us: Option<u16>,
+    torque: bool,
+}
+
+impl Told {
+    /// Notes the goal's pulse; returns what to output.
+    pub(crate) fn goal(&mut self, pulse_us: u16) -> u16 {
+        self.pulse_us = Some(pulse_us);
+        self.output()
+    }
+
+    /// Notes the torque; returns what to output.
+    pub(crate) fn torque(&mut self, on: bool) -> u16 {
+        self.torque = on;
+        self.output()
+    }
+
+    /// Length of the pulse in microseconds; 0 is none.
+    pub(crate) fn output(&self) -> u16 {
+        self.pulse_us.filter(|_| self.torque).unwrap_or(0)
+    }
+}
+
+/// One servo on a PWM channel.
+#[derive(Debug)]
+pub struct Channel<P> {
+    pin: P,
+    calibration: Calibration,
+    told: Told,
+}
+
+impl<P: SetDutyCycle> Channel<P> {
+    /// A servo on a channel that runs already.
+    pub const fn new(pin: P, calibration: Calibration) -> Self {
+        Self { pin, calibration, told: Told { pulse_us: None, torque: false } }
+    }
+
+    fn output(&mut self, pulse_us: u16, period_us: u16) -> Result<(), BusError> {
+        let result = match pulse_us {
+            0 => self.pin.set_duty_cycle_fully_off(),
+            pulse => self.pin.set_duty_cycle_fraction(pulse.min(period_us), period_us.max(1)),
+        };
+        result.map_err(|_| BusError::Port)
+    }
+}
+
+/// `N` hobby servos, a PWM channel each.
+#[derive(Debug)]
+pub struct PwmBus<P, const N: usize> {
+    channels: [Channel<P>; N],
+    period_us: u16,
+}
+
+impl<P: SetDutyCycle, const N: usize> PwmBus<P, N> {
+    /// Servos on channels that all run with this period in microseconds: 20,000 for 50 Hz.
+    pub const fn new(channels: [Channel<P>; N], period_us: u16) -> Self {
+        Self { channels, period_us }
+    }
+}
+
+impl<P: SetDutyCycle, const N: usize> ServoBus for PwmBus<P, N> {
+    fn reads(&self, _index: usize) -> bool {
+        false
+    }
+
+    async fn ping(&mut self, _ids: &[u8], index: usize) -> Result<(), BusError> {
+        if index < N { Ok(()) } else { Err(BusError::TooMany) }
+    }
+
+    async fn set_torque(&mut self, _ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
+        let channel = self.channels.get_mut(index).ok_or(BusError::TooMany)?;
+        let pulse = channel.told.torque(on);
+        channel.output(pulse, self.period_us)
+    }
+
+    async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
+        let mut result = if goals.len() > N { Err(BusError::TooMany) } else { Ok(()) };
+        for (channel, goal) in self.channels.iter_mut().zip(goals) {
+            let pulse = channel.told.goal(channel.calibration.pulse_us(goal.position));
+            result = result.and(channel.output(pulse, self.period_us));
+        }
+        result
+    }
+
+    async fn read_all(&mut self, _ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
+        readings.fill(None);
+        Ok(())
+    }
+
+    async fn reboot(&mut self, _ids: &[u8], _index: usize) -> Result<(), BusError> {
+        Err(BusError::Unsupported)
+    }
+
+    async fn set_watchdog(&mut self, _ids: &[u8], _millis: u16) -> Result<(), BusError> {
+        Err(BusError::Unsupported)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use embassy_futures::block_on;
+    use embedded_hal::pwm::{ErrorKind, ErrorType};
+
+    /// A channel of 0 to 40,000 counts, half a microsecond each at 50 Hz.
+    #[derive(Default)]
+    struct Pin {
+        duty: Option<u16>,
+        broken: bool,
+    }
+
+    impl ErrorType for Pin {
+        type Error = ErrorKind;
+    }
+
+    impl SetDutyCycle for Pin {
+        fn max_duty_cycle(&self) -> u16 {
+            40_000
+        }
+
+        fn set_duty_cycle(&mut self, duty: u16) -> Result<(), ErrorKind> {
+            self.duty = Some(duty);
+            if self.broken { Err(ErrorKind::Other) } else { Ok(()) }
+        }
+    }
+
+    fn goals(positions: [i32; 2]) -> [Goal; 2] {
+        positions.map(|position| Goal { id: 0, position })
+    }
+
+    #[test]
+    fn a_pulse_comes_with_torque_and_a_goal_only() {
+        let mut pins = [Pin::default(), Pin::default()];
+        let [first, second] = &mut pins;
+        let trimmed = Calibration { min_us: 900, max_us: 2100, trim_us: -20 };
+        let mut bus =
+            PwmBus::new([Channel::new(first, Calibration::WIDE), Channel::new(second, trimmed)], 20_000);
+        let duty = |bus: &PwmBus<&mut Pin, 2>| bus.channels.each_ref().map(|channel| channel.pin.duty);
+        block_on(bus.set_torque(&[1, 2], 0, true)).unwrap();
+        assert_eq!(duty(&bus), [Some(0), None]);
+        block_on(bus.write_goals(&goals([1500, 1500]))).unwrap();
+        assert_eq!(duty(&bus), [Some(3000), Some(0)]);
+        block_on(bus.set_torque(&[1, 2], 1, true)).unwrap();
+        assert_eq!(duty(&bus), [Some(3000), Some(2960)]);
+        for (positions, expected) in [
+            ([i32::MIN, i32::MIN], [1000, 1800]),
+            ([i32::MAX, i32::MAX], [5000, 4200]),
+            ([500, 2120], [1000, 4200]),
+            ([501, 2119], [1002, 4198]),
+        ] {
+            block_on(bus.write_goals(&goals(positions))).unwrap();
+            assert_eq!(duty(&bus), expected.map(Some));
+        }
+        block_on(bus.set_torque(&[1, 2], 0, false)).unwrap();
+        block_on(bus.write_goals(&goals([1500, 1500]))).unwrap();
+        assert_eq!(duty(&bus), [Some(0), Some(2960)]);
+        assert_eq!(block_on(bus.set_torque(&[1, 2], 2, true)), Err(BusError::TooMany));
+        assert_eq!(block_on(bus.ping(&[1, 2], 2)), Err(BusError::TooMany));
+    }
+
+    #[test]
+    fn a_channel_that_fails_leaves_the_others_driven() {
+        let pins = [Pin { duty: None, broken: true }, Pin::default()];
+        let mut bus = PwmBus::new(pins.map(|pin| Channel::new(pin, Calibration::default())), 20_000);
+        assert_eq!(block_on(bus.set_torque(&[1, 2], 0, true)), Err(BusError::Port));
+        block_on(bus.set_torque(&[1, 2], 1, true)).unwrap();
+        assert_eq!(block_on(bus.write_goals(&goals([1000, 2000]))), Err(BusError::Port));
+        assert_eq!(bus.channels[1].pin.duty, Some(4000));
+        let mut readings = [None; 2];
+        assert_eq!(block_on(bus.read_all(&[1, 2], &mut readings)), Ok(()));
+        assert!(!bus.reads(0));
+    }
+}

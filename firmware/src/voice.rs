@@ -1,0 +1,341 @@
+//! A clip that plays: frames out of a decoder, in time, interpolated to the tick.
+
+use crate::clock::{Clock, Speed};
+use crate::interpolate::{catmull_rom, lerp};
+use crate::map::{Interpolation, JointMap};
+use core::fmt;
+use decoder_core::{Error, I16F16, mclip, qmd};
+use heapless::Vec;
+
+/// Where frames come from, in order.
+///
+/// A frame has one value a channel. Angles are taken to be continuous from frame to frame (the encoder unwraps
+/// them): interpolation does not know that 360° is 0°.
+pub trait Frames {
+    /// Values in a frame.
+    fn channels(&self) -> usize;
+
+    /// Frames of the clip.
+    fn frames(&self) -> u32;
+
+    /// Frames per second, in hundredths.
+    fn rate_centihertz(&self) -> u16;
+
+    /// Number of the frame that [`next_frame`](Self::next_frame) gives.
+    fn position(&self) -> u32;
+
+    /// The next frame; `None` after the last one.
+    ///
+    /// # Errors
+    /// What is wrong with the clip; it gives no further frame then.
+    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error>;
+
+    /// Goes to the last frame at or before `frame` that can be reached without decoding. Takes a short and bounded time,
+    /// so it may be far before.
+    fn approach(&mut self, frame: u32);
+}
+
+impl<F: Frames + ?Sized> Frames for &mut F {
+    fn channels(&self) -> usize {
+        (**self).channels()
+    }
+
+    fn frames(&self) -> u32 {
+        (**self).frames()
+    }
+
+    fn rate_centihertz(&self) -> u16 {
+        (**self).rate_centihertz()
+    }
+
+    fn position(&self) -> u32 {
+        (**self).position()
+    }
+
+    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
+        (**self).next_frame()
+    }
+
+    fn approach(&mut self, frame: u32) {
+        (**self).approach(frame);
+    }
+}
+
+impl Frames for qmd::Decoder<'_, '_> {
+    fn channels(&self) -> usize {
+        self.clip().channels()
+    }
+
+    fn frames(&self) -> u32 {
+        self.clip().frames()
+    }
+
+    fn rate_centihertz(&self) -> u16 {
+        self.clip().rate_centihertz()
+    }
+
+    fn position(&self) -> u32 {
+        self.position()
+    }
+
+    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
+        Ok(self.next_frame())
+    }
+
+    fn approach(&mut self, frame: u32) {
+        if self.position() > frame {
+            self.rewind();
+        }
+    }
+}
+
+impl Frames for mclip::Decoder<'_, '_> {
+    fn channels(&self) -> usize {
+        self.clip().channels()
+    }
+
+    fn frames(&self) -> u32 {
+        self.clip().frames()
+    }
+
+    fn rate_centihertz(&self) -> u16 {
+        self.clip().header().rate_centihertz()
+    }
+
+    fn position(&self) -> u32 {
+        self.position()
+    }
+
+    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
+        self.next_frame()
+    }
+
+    fn approach(&mut self, frame: u32) {
+        if self.position() > frame {
+            self.rewind();
+        }
+    }
+}
+
+/// Why a clip cannot be played by a map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum PlayError {
+    /// The clip does not say its rate.
+    Rate,
+    /// There is no frame to play.
+    NoFrames,
+    /// A joint follows a channel that the clip does not have.
+    Channel {
+        /// The servo.
+        id: u8,
+        /// The channel.
+        channel: u16,
+        /// Channels of the clip.
+        channels: usize,
+    },
+    /// The clip is damaged.
+    Clip(Error),
+    /// Too many clips wait already.
+    QueueFull,
+    /// There is no such clip.
+    NoClip {
+        /// Its number.
+        clip: u16,
+    },
+}
+
+impl fmt::Display for PlayError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Rate => f.write_str("the clip does not say its frame rate"),
+            Self::NoFrames => f.write_str("the clip has no frames"),
+            Self::Channel { id, channel, channels } => {
+                write!(
+                    f,
+                    "servo {id} follows channel {channel} (from 0), but the clip has {channels} channels"
+                )
+            }
+            Self::Clip(error) => error.fmt(f),
+            Self::QueueFull => f.write_str("too many clips wait already"),
+            Self::NoClip { clip } => write!(f, "there is no clip {clip}"),
+        }
+    }
+}
+
+impl core::error::Error for PlayError {}
+
+/// A clip and where it is. Tick `k` is at time `k / tick_hz`, and frame `i` at time `i / rate`.
+#[derive(Debug)]
+pub struct Voice<F, const N: usize> {
+    frames: F,
+    clock: Clock,
+    /// Number of the frame before the tick.
+    frame: u32,
+    /// Whether the first frame comes after the last one.
+    repeats: bool,
+    /// Frames that `taps` repeats the last one for: with 2 the voice is at the last frame.
+    beyond: u8,
+    /// For every joint its channel in the frame before the one before the tick, and in those after.
+    taps: Vec<[I16F16; 4], N>,
+    /// Frame that is still to be reached.
+    seek: Option<u32>,
+}
+
+/// Frames that a voice decodes in a tick at most to get to where it shall start.
+pub const SEEK_FRAMES: u32 = 8;
+
+impl<F: Frames, const N: usize> Voice<F, N> {
+    /// A voice before frame `start`, or the last one if there are not so many. It starts there after
+    /// [`seek`](Self::seek) returned true.
+    ///
+    /// # Errors
+    /// [`PlayError`] where the clip does not fit the map, with the frames.
+    pub fn new(mut frames: F, map: &JointMap<N>, repeats: bool, start: u32) -> Result<Self, (PlayError, F)> {
+        let channels = frames.channels();
+        if frames.rate_centihertz() == 0 {
+            return Err((PlayError::Rate, frames));
+        }
+        let missing = map.joints().iter().find(|joint| usize::from(joint.channel) >= channels);
+        if let Some(joint) = missing {
+            return Err((PlayError::Channel { id: joint.id, channel: joint.channel, channels }, frames));
+        }
+        let Some(last) = frames.frames().checked_sub(1) else {
+            return Err((PlayError::NoFrames, frames));
+        };
+        let start = start.min(last);
+        // The curve at a frame depends on the one before it.
+        frames.approach(start.saturating_sub(1));
+        Ok(Self {
+            clock: Clock::new(frames.rate_centihertz(), map.tick_hz()),
+            frame: start,
+            repeats,
+            beyond: 0,
+            taps: core::iter::repeat_n([I16F16::ZERO; 4], map.joints().len()).collect(),
+            seek: Some(start),
+            frames,
+        })
+    }
+
+    /// Decodes up to [`SEEK_FRAMES`] frames towards the start, and says whether it is reached.
+    ///
+    /// # Errors
+    /// What is wrong with the clip.
+    pub fn seek(&mut self, map: &JointMap<N>) -> Result<bool, Error> {
+        let Some(start) = self.seek else { return Ok(true) };
+        for _ in 0..SEEK_FRAMES {
+            if self.frames.position() > start {
+                // The frame before the tick stands last, and the two after it are to come.
+                if start == 0 {
+                    self.fill_first();
+                }
+                self.seek = None;
+                self.shift(map)?;
+                self.shift(map)?;
+                return Ok(true);
+            }
+            self.pull(map)?;
+        }
+        Ok(false)
+    }
+
+    /// Before the first frame there is that frame again.
+    fn fill_first(&mut self) {
+        for taps in &mut self.taps {
+            *taps = [taps[3]; 4];
+        }
+    }
+
+    /// The value of joint `joint` at the tick, in the channel's unit.
+    pub fn value(&self, joint: usize, interpolation: Interpolation) -> I16F16 {
+        let Some(taps) = self.taps.get(joint) else { return I16F16::ZERO };
+        let fraction = self.clock.fraction();
+        I16F16::from_bits(match interpolation {
+            Interpolation::Linear => lerp(taps[1].to_bits(), taps[2].to_bits(), fraction),
+            Interpolation::CatmullRom => catmull_rom(taps.map(I16F16::to_bits), fraction),
+        })
+    }
+
+    /// Goes on by a tick. At the last frame it stays there.
+    ///
+    /// # Errors
+    /// What is wrong with the clip.
+    pub fn advance(&mut self, map: &JointMap<N>, speed: Speed) -> Result<(), Error> {
+        if self.ended() {
+            return Ok(());
+        }
+        self.clock.tick(speed);
+        while !self.ended() && self.clock.frame_passed() {
+            self.shift(map)?;
+            self.frame = if self.frame >= self.last() { 0 } else { self.frame + 1 };
+        }
+        if self.ended() {
+            self.clock.align();
+        }
+        Ok(())
+    }
+
+    /// Whether it is at the last frame of a clip that does not repeat.
+    pub const fn ended(&self) -> bool {
+        self.beyond >= 2
+    }
+
+    /// Frames from the tick to the last one; of a clip that repeats, more than there are.
+    pub fn left(&self) -> u32 {
+        if self.repeats { u32::MAX } else { self.last().saturating_sub(self.frame) }
+    }
+
+    /// Lets a clip that repeats end after its last frame.
+    pub const fn end(&mut self) {
+        self.repeats = false;
+    }
+
+    /// Number of the frame before the tick, and how far the tick is from it in 1/65536 of a frame.
+    pub const fn position(&self) -> (u32, u16) {
+        (self.frame, self.clock.phase())
+    }
+
+    /// Works off the distance to an outside clock that is at this frame; see [`Clock::follow`].
+    pub fn follow(&mut self, frame: u32, fraction: u16) -> bool {
+        let (at, phase) = self.position();
+        let ahead =
+            i64::from(frame) * 65_536 + i64::from(fraction) - i64::from(at) * 65_536 - i64::from(phase);
+        i32::try_from(ahead >> 16).is_ok_and(|frames| self.clock.follow(frames, ahead as u16))
+    }
+
+    /// Frames per second of the clip, in hundredths.
+    pub fn rate_centihertz(&self) -> u16 {
+        self.frames.rate_centihertz()
+    }
+
+    /// Gives the decoder back.
+    pub fn into_frames(self) -> F {
+        self.frames
+    }
+
+    fn last(&self) -> u32 {
+        self.frames.frames().saturating_sub(1)
+    }
+
+    /// Makes the frame after the tick the one before it, and decodes another one.
+    fn shift(&mut self, map: &JointMap<N>) -> Result<(), Error> {
+        if self.frames.position() > self.last() && self.repeats {
+            self.frames.approach(0);
+        }
+        if !self.pull(map)? {
+            self.beyond = self.beyond.saturating_add(1);
+        }
+        Ok(())
+    }
+
+    /// Takes a frame in; false, and the last one again, where there is none.
+    fn pull(&mut self, map: &JointMap<N>) -> Result<bool, Error> {
+        let frame = self.frames.next_frame()?;
+        for (joint, taps) in map.joints().iter().zip(&mut self.taps) {
+            let next = frame.and_then(|frame| frame.get(usize::from(joint.channel)).copied());
+            *taps = [taps[1], taps[2], taps[3], next.unwrap_or(taps[3])];
+        }
+        Ok(frame.is_some())
+    }
+}
