@@ -7,6 +7,7 @@ pub const MAX_TICK_HZ: u16 = 1000;
 
 /// How fast a clip is played, in 1/256 of its own speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Speed(u16);
 
 impl Speed {

@@ -2,12 +2,11 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{bunraku, motion, require_target, workspace};
-use decoder_core::qmd::Clip;
 use decoder_core::{I16F16, Limits, mclip};
-use firmware::dynamixel::sync_write::goal_positions;
-use firmware::map::{Joint, JointMap, MAX_SERVOS, bytes_len};
+use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, MAX_SERVOS, Settings, bytes_len};
+use host_sim::clip::Clip;
 use host_sim::profile::measure::Runner;
-use host_sim::profile::tick_images;
+use host_sim::profile::{tick_images, ticks};
 use host_sim::thumb::Core;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -161,37 +160,37 @@ fn a_tick_of_20_servos_takes_at_most_6000_cycles_on_m4() {
     let bytes = std::fs::read(&path).unwrap();
     let joint = |id: u8| Joint {
         channel: 3 * u16::from(id),
+        bus: 0,
         id,
         zero: 2048,
+        home: 2048,
         scale: I16F16::lit("11.378"),
         min: 0,
         max: 4095,
-        max_step: 200,
+        max_velocity: 200 << 10,
+        max_acceleration: 100 << 10,
+        idle: Idle { breathing: 10, sway: 10, gaze: 10 },
     };
     // Ticks as fast as frames: each decodes one.
-    let map = JointMap::<MAX_SERVOS>::new(120, 1_000_000, (0..20).map(joint).collect()).unwrap();
+    let buses = [BusSpec { kind: BusKind::Dynamixel, baud: 1_000_000 }].into_iter().collect();
+    let map =
+        JointMap::<MAX_SERVOS>::new(Settings::new(120), buses, (0..20).map(joint).collect()).unwrap();
     let mut buffer = [0; bytes_len(20)];
     let images =
         tick_images(&bytes, map.to_bytes(&mut buffer).unwrap(), &["thumbv7em-none-eabi"], true).unwrap();
     let mut runner = Runner::new(Core::M4, &images[0], 0).unwrap();
     // The same packets as on this machine.
-    let clip = Clip::parse(&bytes, Limits::MAX).unwrap();
-    let mut pose = [I16F16::ZERO; 62];
-    let decoder = clip.decoder(&mut pose, None).unwrap();
-    let mut player = Player::new(decoder, clip.rate_centihertz(), &map, Repeat::Once).unwrap();
-    let mut packet = [0; buffer_len(20)];
-    let mut ticks = 0;
-    while let Some(goals) = player.tick() {
-        let expected = goal_positions(&mut packet, goals).unwrap();
-        assert_eq!(runner.next_frame(1).unwrap().unwrap(), expected, "tick {ticks}");
-        ticks += 1;
+    let clip = Clip::parse(&path, &bytes).unwrap();
+    let expected = ticks(&clip, &map).unwrap().frames;
+    for (tick, expected) in expected.iter().enumerate() {
+        assert_eq!(runner.next_frame(1).unwrap().unwrap(), expected, "tick {tick}");
     }
     assert!(runner.next_frame(1).unwrap().is_none());
     let measured = runner.finish();
     let worst = measured.frame_cycles.iter().copied().max().unwrap();
     assert!(worst <= 6000 && worst > 1000, "{worst} cycles; of all ticks: {:?}", measured.functions);
     println!("a tick: at most {worst} cycles");
-    assert_eq!(ticks, 120);
+    assert_eq!(expected.len(), 120);
 }
 
 #[test]
