@@ -88,7 +88,8 @@ fn record(frames: &mut dyn Frames, map: &Map, rate: u16) -> Result<Recording> {
     let library = Single::new(frames, Some(rate));
     let mut puppet = Puppet::new(map, library, Show { playlist: &[0], ..Show::default() }, Start::Power);
     let wire = Wire { recorder: Recorder::new(map)?, answers: VecDeque::new() };
-    let port = Port::new(wire, Automatic, Instantly, Line::uart(map.buses().first().map_or(0, |bus| bus.baud)));
+    let port =
+        Port::new(wire, Automatic, Instantly, Line::uart(map.buses().first().map_or(0, |bus| bus.baud)));
     let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
     now(drive(&mut puppet, &mut bus, &mut ToTheEnd))?;
     if let Some(fault) = puppet.fault() {
@@ -369,7 +370,11 @@ mod tests {
         let (start, off) =
             (100..200).map(|start| (start, far(start))).min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
         assert!(off < 0.53, "{off} goal units from the clip, which begins at tick {start}");
-        assert!(recording.ticks >= start + 401 + 98, "it goes home, which takes two seconds: {}", recording.ticks - start);
+        assert!(
+            recording.ticks >= start + 401 + 98,
+            "it goes home, which takes two seconds: {}",
+            recording.ticks - start
+        );
         let home = map.joints().iter().map(|joint| joint.home);
         assert!(recording.goals.iter().rev().take(12).rev().map(|taken| taken.position).eq(home));
     }

@@ -46,7 +46,8 @@ use decoder_core::I16F16;
 use encoder::skeleton::{ChannelKind, Skeleton};
 use firmware::limits::{FINE_BITS, MAX_VELOCITY};
 use firmware::map::{
-    BusKind, BusSpec, Idle, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy, Settings, bytes_len,
+    BusKind, BusSpec, Idle, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy, Settings,
+    bytes_len,
 };
 use serde::Deserialize;
 use std::ops::Range;
@@ -229,7 +230,8 @@ impl Puppet {
             if earlier.clone().any(|other| other.name.get_ref() == entry.name.get_ref()) {
                 return Err(self.wrong(&entry.name, "another joint has this name"));
             }
-            let same = earlier.zip(&joints).find(|(_, (on, joint))| (*on, joint.id) == (bus, *entry.id.get_ref()));
+            let same =
+                earlier.zip(&joints).find(|(_, (on, joint))| (*on, joint.id) == (bus, *entry.id.get_ref()));
             if let Some((other, _)) = same {
                 let why = format!("joint \"{}\" has id {} as well", other.name.get_ref(), other.id.get_ref());
                 return Err(self.wrong(&entry.id, &why));
@@ -284,7 +286,9 @@ impl Puppet {
             (Some(baud), []) => {
                 Ok([BusSpec { kind: BusKind::Dynamixel, baud: *baud.get_ref() }].into_iter().collect())
             }
-            (None, []) => bail!("{}: expected `baud`, or a [[bus]] with its `kind` and `baud`", self.path.display()),
+            (None, []) => {
+                bail!("{}: expected `baud`, or a [[bus]] with its `kind` and `baud`", self.path.display())
+            }
             (Some(baud), _) => Err(self.wrong(baud, "a puppet with [[bus]] has the `baud` there")),
             (None, entries) => {
                 let mut buses = heapless::Vec::new();
@@ -383,7 +387,10 @@ impl Puppet {
         let speed = self.positive(&entry.max_speed, f64::MAX)?;
         let velocity = (speed * scale / hz * fine).min(most);
         if velocity < 1.0 {
-            let why = format!("too slow for a servo at {hz} Hz, expected at least {:.4} {unit}s/s", hz / scale / fine);
+            let why = format!(
+                "too slow for a servo at {hz} Hz, expected at least {:.4} {unit}s/s",
+                hz / scale / fine
+            );
             return Err(self.wrong(&entry.max_speed, &why));
         }
         let acceleration = match &entry.max_acceleration {
@@ -401,7 +408,11 @@ impl Puppet {
                     let why = || format!("{value} {unit}s are more than the joint's range");
                     fits.then_some(goals as i16).ok_or_else(|| self.wrong(spanned, &why()))
                 };
-                Idle { breathing: goals(entry.breathing)?, sway: goals(entry.sway)?, gaze: goals(entry.gaze)? }
+                Idle {
+                    breathing: goals(entry.breathing)?,
+                    sway: goals(entry.sway)?,
+                    gaze: goals(entry.gaze)?,
+                }
             }
         };
         let channel = u16::try_from(channel)
@@ -540,7 +551,11 @@ mod tests {
             ("range = [-90, 10]", "range = [-200, 10]", "a servo takes 0 to 4095"),
             ("range = [-90, 10]", "range = [-90, nan]", "line 7, key \"range\""),
             ("range = [-90, 10]", "", "either `range` or `goal_range`"),
-            ("max_speed = 90", "max_speed = 0.001", "line 8, key \"max_speed\": too slow for a servo at 50 Hz"),
+            (
+                "max_speed = 90",
+                "max_speed = 0.001",
+                "line 8, key \"max_speed\": too slow for a servo at 50 Hz",
+            ),
             ("max_speed = 90", "max_speed = 90\nhome = 20", "line 9, key \"home\": this is goal 2276"),
             ("max_speed = 90", "max_speed = 90\nidle = { gaze = 200 }", "more than the joint's range"),
             ("max_speed = 90", "max_speed = 90\nidle = { smile = 2 }", "unknown field `smile`"),

@@ -49,7 +49,8 @@ pub fn run(
     let mut decoder = Log::new(&elf).with_context(|| image.path.display().to_string())?;
     let listener = TcpListener::bind("127.0.0.1:0").context("cannot listen for QEMU's UART")?;
     let port = listener.local_addr().context("cannot listen for QEMU's UART")?.port();
-    let serial = if device.is_some() { format!("tcp:127.0.0.1:{port}") } else { "null".to_owned() };
+    let serial =
+        if device.is_some() { format!("tcp:127.0.0.1:{port},nodelay=on") } else { "null".to_owned() };
     let mut child = start(image, &serial)?;
     let (stdout, stderr) = (child.0.stdout.take(), child.0.stderr.take());
     let ended = AtomicBool::new(false);
@@ -198,6 +199,8 @@ fn serve(listener: &TcpListener, device: &mut Device<'_>, ended: &AtomicBool) ->
         }
     };
     stream.set_nonblocking(false).context(context)?;
+    // Packets are short, and the board waits for their answers.
+    stream.set_nodelay(true).context(context)?;
     exchange(&mut stream, device).context(context)
 }
 

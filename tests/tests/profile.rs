@@ -173,8 +173,7 @@ fn a_tick_of_20_servos_takes_at_most_6000_cycles_on_m4() {
     };
     // Ticks as fast as frames: each decodes one.
     let buses = [BusSpec { kind: BusKind::Dynamixel, baud: 1_000_000 }].into_iter().collect();
-    let map =
-        JointMap::<MAX_SERVOS>::new(Settings::new(120), buses, (0..20).map(joint).collect()).unwrap();
+    let map = JointMap::<MAX_SERVOS>::new(Settings::new(120), buses, (0..20).map(joint).collect()).unwrap();
     let mut buffer = [0; bytes_len(20)];
     let images =
         tick_images(&bytes, map.to_bytes(&mut buffer).unwrap(), &["thumbv7em-none-eabi"], true).unwrap();

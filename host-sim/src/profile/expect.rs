@@ -36,7 +36,11 @@ pub fn ticks(clip: &Clip<'_>, map: &Map) -> Result<Expected> {
         let mut packet = [0; goal_positions_len(MAX_SERVOS)];
         let mut frames = Vec::new();
         if !rehearsal.until_it_plays(&mut machine, PATIENCE) {
-            bail!("the clip does not come to play on this puppet: {:?}, {:?}", machine.state(), machine.fault());
+            bail!(
+                "the clip does not come to play on this puppet: {:?}, {:?}",
+                machine.state(),
+                machine.fault()
+            );
         }
         while machine.state() == State::Playing {
             let goals = rehearsal.tick(&mut machine);
