@@ -127,6 +127,7 @@ pub struct Watch<const N: usize> {
     patience: u8,
     silent: Vec<u8, N>,
     low: Vec<u8, N>,
+    any_lost: bool,
     dead: u8,
     late: u8,
 }
@@ -136,7 +137,19 @@ impl<const N: usize> Watch<N> {
     pub fn new(settings: &Settings, servos: usize) -> Self {
         let none = || core::iter::repeat_n(0, servos).collect();
         let ticks = u32::from(PATIENCE_MILLIS) * u32::from(settings.tick_hz) / 1000;
-        Self { patience: ticks.clamp(1, 60) as u8, silent: none(), low: none(), dead: 0, late: 0 }
+        Self {
+            patience: ticks.clamp(1, 60) as u8,
+            silent: none(),
+            low: none(),
+            any_lost: false,
+            dead: 0,
+            late: 0,
+        }
+    }
+
+    /// Whether any servo has been silent for so long that it may be anywhere.
+    pub const fn any_lost(&self) -> bool {
+        self.any_lost
     }
 
     /// Whether a servo has been silent for so long that it may be anywhere.
@@ -155,24 +168,33 @@ impl<const N: usize> Watch<N> {
     ) -> Option<Fault> {
         let patience = self.patience;
         let mut fault = None;
+        self.any_lost = false;
         let counted = |count: &mut u8, wrong: bool| {
             *count = if wrong { count.saturating_add(1) } else { 0 };
             *count >= patience
         };
-        for (index, (silent, low)) in self.silent.iter_mut().zip(&mut self.low).enumerate() {
+        let limit = if settings.temperature_limit > 0 { settings.temperature_limit } else { u8::MAX };
+        let counts = self.silent.iter_mut().zip(&mut self.low);
+        for (index, ((silent, low), reading)) in counts.zip(feedback.readings).enumerate() {
             let servo = index as u8;
-            let reading = feedback.readings.get(index).copied().flatten();
-            let gone = counted(silent, reading.is_none() && reads(index));
-            let found = match reading {
-                None => gone.then_some(Fault::Silent { servo }),
-                Some(reading) => {
-                    let below = reading.millivolts.is_some_and(|found| found < settings.min_millivolts);
-                    let low = counted(low, below);
-                    hardware(settings, servo, &reading)
-                        .or(low.then_some(Fault::Voltage { servo }))
-                        .or((armed(index) && reading.torque == Some(false))
-                            .then_some(Fault::Rebooted { servo }))
+            let found = if let Some(reading) = reading {
+                *silent = 0;
+                let below = reading.millivolts.is_some_and(|found| found < settings.min_millivolts);
+                let low = counted(low, below);
+                let hot = reading.temperature.is_some_and(|found| found >= limit);
+                if reading.hardware_error != 0 || hot {
+                    hardware(servo, reading.hardware_error, hot)
+                } else if low {
+                    Some(Fault::Voltage { servo })
+                } else if reading.torque == Some(false) && armed(index) {
+                    Some(Fault::Rebooted { servo })
+                } else {
+                    continue;
                 }
+            } else {
+                let gone = counted(silent, reads(index));
+                self.any_lost |= gone;
+                gone.then_some(Fault::Silent { servo })
             };
             fault = fault.or(found);
         }
@@ -186,10 +208,7 @@ impl<const N: usize> Watch<N> {
 }
 
 /// What a servo says of itself.
-fn hardware(settings: &Settings, servo: u8, reading: &Reading) -> Option<Fault> {
-    let limit = settings.temperature_limit;
-    let hot = limit > 0 && reading.temperature.is_some_and(|found| found >= limit);
-    let bits = reading.hardware_error;
+fn hardware(servo: u8, bits: u8, hot: bool) -> Option<Fault> {
     let has = |bit: u8| bits & bit != 0;
     if hot || has(ERROR_HEAT) {
         Some(Fault::Overheated { servo })

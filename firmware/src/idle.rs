@@ -40,7 +40,7 @@ struct Gaze {
     until: u32,
 }
 
-/// What the layer adds in a tick, in ±[`ONE`].
+/// What the layer adds in a tick, in ±1/32768.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct IdlePose {
     breathing: i32,
@@ -90,7 +90,7 @@ impl IdleLayer {
 }
 
 impl Gaze {
-    /// Where it looks, in ±[`ONE`].
+    /// Where it looks, in ±`ONE`.
     fn tick(&mut self, millis_fine: u32) -> i32 {
         self.since += millis_fine;
         if self.since >= self.until {

@@ -74,6 +74,7 @@ impl Joint {
     /// [`GOAL_LIMIT`] it saturates.
     ///
     /// Four 32-bit multiplies.
+    #[inline]
     pub const fn goal(&self, value: I16F16) -> i32 {
         (self.zero << FINE_BITS).saturating_add(scaled(value.to_bits(), self.scale.to_bits()))
     }

@@ -121,6 +121,7 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
     }
 
     /// Where the clips want a joint to be, in 1/1024 goal units; `None` where nothing plays.
+    #[inline]
     pub fn goal(&self, index: usize, joint: &Joint) -> Option<i32> {
         let interpolation = self.map.settings().interpolation;
         let of = |playing: &Playing<_, N>| joint.goal(playing.voice.value(index, interpolation));
@@ -220,8 +221,10 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
         let wanted = if self.paused { Speed::PAUSED } else { self.wanted };
         self.speed = self.speed.towards(wanted, u16::try_from(step).unwrap_or(u16::MAX));
         let Some(playing) = &mut self.current else { return Ok(false) };
+        // The last frame has its tick as well.
+        let ended = playing.voice.ended();
         playing.voice.advance(self.map, self.speed).map_err(damaged)?;
-        let (left, idle, ended) = (playing.voice.left(), playing.cue.idle, playing.voice.ended());
+        let (left, idle) = (playing.voice.left(), playing.cue.idle);
         if let Some(next) = &mut self.next {
             match &mut self.faded {
                 Some(faded) => {

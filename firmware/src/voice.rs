@@ -1,7 +1,7 @@
 //! A clip that plays: frames out of a decoder, in time, interpolated to the tick.
 
 use crate::clock::{Clock, Speed};
-use crate::interpolate::{catmull_rom, lerp};
+use crate::interpolate::{Fraction, catmull_rom, lerp};
 use crate::map::{Interpolation, JointMap};
 use core::fmt;
 use decoder_core::{Error, I16F16, mclip, qmd};
@@ -171,6 +171,8 @@ impl core::error::Error for PlayError {}
 pub struct Voice<F, const N: usize> {
     frames: F,
     clock: Clock,
+    /// How far the tick is from that frame to the next one: a divide, for all joints.
+    fraction: Fraction,
     /// Number of the frame before the tick.
     frame: u32,
     /// Whether the first frame comes after the last one.
@@ -209,6 +211,7 @@ impl<F: Frames, const N: usize> Voice<F, N> {
         frames.approach(start.saturating_sub(1));
         Ok(Self {
             clock: Clock::new(frames.rate_centihertz(), map.tick_hz()),
+            fraction: Fraction::START,
             frame: start,
             repeats,
             beyond: 0,
@@ -248,9 +251,10 @@ impl<F: Frames, const N: usize> Voice<F, N> {
     }
 
     /// The value of joint `joint` at the tick, in the channel's unit.
+    #[inline]
     pub fn value(&self, joint: usize, interpolation: Interpolation) -> I16F16 {
         let Some(taps) = self.taps.get(joint) else { return I16F16::ZERO };
-        let fraction = self.clock.fraction();
+        let fraction = self.fraction;
         I16F16::from_bits(match interpolation {
             Interpolation::Linear => lerp(taps[1].to_bits(), taps[2].to_bits(), fraction),
             Interpolation::CatmullRom => catmull_rom(taps.map(I16F16::to_bits), fraction),
@@ -273,6 +277,7 @@ impl<F: Frames, const N: usize> Voice<F, N> {
         if self.ended() {
             self.clock.align();
         }
+        self.fraction = self.clock.fraction();
         Ok(())
     }
 

@@ -129,6 +129,10 @@ mod tests {
         // A damaged block is found before anything plays.
         let last = mclip.len() - 1;
         mclip[last] ^= 1;
-        assert!(error("a.mclip", &mclip).contains("was damaged"), "{}", error("a.mclip", &mclip));
+        assert!(
+            error("a.mclip", &mclip).contains("damage in the block's codes"),
+            "{}",
+            error("a.mclip", &mclip)
+        );
     }
 }

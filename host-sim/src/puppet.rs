@@ -513,11 +513,11 @@ mod tests {
         assert_eq!((joint.id, joint.zero, joint.min, joint.max, joint.home), (3, 2048, 1024, 2162, 2048));
         assert_eq!((joint.max_velocity, joint.max_acceleration), (20_971, 8_388));
         assert!((joint.scale.to_num::<f64>() - 4096.0 / 360.0).abs() < 1e-5);
-        assert_eq!(joint.goal(I16F16::from_num(-45)) + 512 >> 10, 1536);
+        assert_eq!((joint.goal(I16F16::from_num(-45)) + 512) >> 10, 1536);
 
         let turned = map(&format!("{ELBOW}\ndirection = -1\nzero = 1000")).unwrap().joints()[0];
         assert_eq!((turned.min, turned.max), (886, 2024));
-        assert_eq!(turned.goal(I16F16::from_num(-45)) + 512 >> 10, 1512);
+        assert_eq!((turned.goal(I16F16::from_num(-45)) + 512) >> 10, 1512);
 
         let goals = map(&ELBOW.replace("range = [-90, 10]", "goal_range = [2100, 2000]\nscale = 2.5"));
         let joint = goals.unwrap().joints()[0];

@@ -126,7 +126,10 @@ fn clips() {
     decode("photo.mclip", &["photo.mclip is not a sound mclip", "magic"]);
     decode("empty.mclip", &["empty.mclip is not a sound mclip", "byte 0"]);
     decode("cut.mclip", &["cut.mclip is not a sound mclip", "block's codes", "are left"]);
-    decode("damaged.mclip", &["damaged.mclip is not a sound mclip", "damaged: its CRC-32"]);
+    decode(
+        "damaged.mclip",
+        &["damaged.mclip is not a sound mclip", "damage in the block's codes: its CRC-32"],
+    );
     decode("cut.qmd", &["cut.qmd is not a QMD clip", "rows", "are left"]);
     refused(
         folder.path(),

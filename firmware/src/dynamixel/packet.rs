@@ -121,6 +121,7 @@ impl<'b> PacketWriter<'b> {
     ///
     /// # Errors
     /// [`WriteError::BufferTooSmall`] when they do not fit.
+    #[inline(never)]
     pub fn push(&mut self, parameters: &[u8]) -> Result<(), WriteError> {
         for &byte in parameters {
             self.put(byte)?;
@@ -133,6 +134,22 @@ impl<'b> PacketWriter<'b> {
             }
             self.run = 0;
         }
+        Ok(())
+    }
+
+    /// Appends a few parameters, as [`push`](Self::push) does; what needs no stuffing at a copy's cost.
+    ///
+    /// # Errors
+    /// [`WriteError::BufferTooSmall`] when they do not fit.
+    #[inline(always)]
+    pub fn push_value<const N: usize>(&mut self, value: [u8; N]) -> Result<(), WriteError> {
+        if value.contains(&0xFD) || value.last() == Some(&0xFF) {
+            return self.push(&value);
+        }
+        let rest = self.buffer.get_mut(self.len..).ok_or(WriteError::BufferTooSmall)?;
+        *rest.first_chunk_mut::<N>().ok_or(WriteError::BufferTooSmall)? = value;
+        self.len += N;
+        self.run = 0;
         Ok(())
     }
 

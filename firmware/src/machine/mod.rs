@@ -43,6 +43,7 @@ struct Servo {
 
 impl Servo {
     /// A tick towards `wanted`, or of braking. A servo that does not hold stays where it was last seen.
+    #[inline]
     fn go(&mut self, joint: &Joint, wanted: Option<i32>) {
         match wanted {
             _ if !self.armed => {}
@@ -203,10 +204,12 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
 
     fn look(&mut self, feedback: &Feedback<'_>) {
         // A servo that comes back goes on from where it is, not from where it should be by now.
-        for (index, (servo, reading)) in self.servos.iter_mut().zip(feedback.readings).enumerate() {
-            if let (true, Some(reading)) = (self.watch.lost(index), reading) {
-                servo.limiter = Limiter::at(within(reading.position));
-                servo.from = servo.limiter.position();
+        if self.watch.any_lost() {
+            for (index, (servo, reading)) in self.servos.iter_mut().zip(feedback.readings).enumerate() {
+                if let (true, Some(reading)) = (self.watch.lost(index), reading) {
+                    servo.limiter = Limiter::at(within(reading.position));
+                    servo.from = servo.limiter.position();
+                }
             }
         }
         let (map, servos) = (self.map, &self.servos);

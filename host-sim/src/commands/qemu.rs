@@ -1,14 +1,16 @@
 //! `bunraku qemu`: run an image.
 
 use anyhow::Result;
+use host_sim::servos::{Bus, BusConfig};
 use host_sim::{board, qemu};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Run an image for a QEMU board and print its log: what `cargo run` in a board's folder does.
 ///
-/// The image ends itself by semihosting; an exit code other than 0 is a failure. Nothing is connected to its UART.
+/// The image ends itself by semihosting; an exit code other than 0 is a failure. Virtual Dynamixel X servos can be connected to
+/// its UART.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  bunraku qemu --machine mps2-an386 target/thumbv7em-none-eabi/debug/qemu-mps2"
@@ -22,6 +24,9 @@ pub struct Args {
     /// Give up after so many seconds.
     #[arg(long, value_name = "SECONDS", default_value_t = 600)]
     timeout: u64,
+    /// Connect virtual servos to the UART, with ids from 1 on.
+    #[arg(long, value_name = "COUNT", default_value_t = 0, value_parser = clap::value_parser!(u8).range(..=252))]
+    servos: u8,
     /// Argument for the image's semihosting command line; may be repeated.
     #[arg(long = "arg", value_name = "ARGUMENT")]
     arguments: Vec<String>,
@@ -30,6 +35,15 @@ pub struct Args {
 pub fn run(args: Args) -> Result<ExitCode> {
     let arguments: Vec<&str> = args.arguments.iter().map(String::as_str).collect();
     let image = qemu::Image { path: &args.image, machine: &args.machine, arguments: &arguments };
-    qemu::run(&image, None, Duration::from_secs(args.timeout), &mut |line| println!("{line}"))?;
+    let ids: Vec<u8> = (1..=args.servos).collect();
+    // QEMU gives packets in parts, whenever it comes to it.
+    let mut servos = Bus::new(&BusConfig { byte_gap_us: 1_000_000, ..BusConfig::with_ids(&ids) })?;
+    let started = Instant::now();
+    let mut device = |bytes: &[u8]| {
+        let now_us = u64::try_from(started.elapsed().as_micros()).unwrap_or(u64::MAX);
+        servos.receive(bytes, now_us, &mut |_| {})
+    };
+    let device: Option<&mut qemu::Device<'_>> = if ids.is_empty() { None } else { Some(&mut device) };
+    qemu::run(&image, device, Duration::from_secs(args.timeout), &mut |line| println!("{line}"))?;
     Ok(ExitCode::SUCCESS)
 }
