@@ -111,7 +111,8 @@ impl Frames for mclip::Decoder<'_, '_> {
     }
 
     fn approach(&mut self, frame: u32) {
-        if self.position() > frame {
+        // Where headers of blocks are damaged, decoding from the start comes upon them and says so.
+        if self.approach(frame).is_err() {
             self.rewind();
         }
     }

@@ -97,16 +97,29 @@ impl<'a, 's> Decoder<'a, 's> {
         if frame >= self.clip.frames() {
             return Ok(None);
         }
+        self.approach(frame)?;
+        while self.position < frame {
+            self.next_frame()?;
+        }
+        self.next_frame()
+    }
+
+    /// Goes to the last entry point before frame `frame`, unless the position lies between the two already. Nothing is decoded;
+    /// past the last frame it does nothing.
+    ///
+    /// # Errors
+    /// As [`next_frame`](Self::next_frame).
+    pub fn approach(&mut self, frame: u32) -> Result<(), Error> {
+        if frame >= self.clip.frames() {
+            return Ok(());
+        }
         let entry = self.clip.entry_before(frame)?;
         let nearer = self.position <= frame && self.position >= entry.header.first_frame;
         if !nearer || matches!(self.at, At::Failed(_)) {
             self.at = At::Boundary(entry.at);
             self.position = entry.header.first_frame;
         }
-        while self.position < frame {
-            self.next_frame()?;
-        }
-        self.next_frame()
+        Ok(())
     }
 
     /// Number of the frame that comes next.
