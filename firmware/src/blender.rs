@@ -6,7 +6,7 @@
 //!
 //! Source: timhendriks93/blender-servo-animation, `addon/utils/live_mode.py`, and the Arduino library of the same author.
 
-use crate::bus::{BusError, Goal, Reading, ServoBus};
+use crate::bus::{BusError, Goal, ServoBus};
 use crate::map::MAX_SERVOS;
 use embassy_futures::select::{Either, select};
 use embedded_hal_async::delay::DelayNs;
@@ -106,10 +106,6 @@ impl<W: Write, T: DelayNs> BlenderBus<W, T> {
 }
 
 impl<W: Write, T: DelayNs> ServoBus for BlenderBus<W, T> {
-    fn reads(&self, _index: usize) -> bool {
-        false
-    }
-
     async fn ping(&mut self, _ids: &[u8], index: usize) -> Result<(), BusError> {
         if index < MAX_SERVOS { Ok(()) } else { Err(BusError::TooMany) }
     }
@@ -140,19 +136,6 @@ impl<W: Write, T: DelayNs> ServoBus for BlenderBus<W, T> {
             Either::First(Ok(())) => Ok(()),
             Either::First(Err(_)) | Either::Second(()) => Err(BusError::Port),
         }
-    }
-
-    async fn read_all(&mut self, _ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
-        readings.fill(None);
-        Ok(())
-    }
-
-    async fn reboot(&mut self, _ids: &[u8], _index: usize) -> Result<(), BusError> {
-        Err(BusError::Unsupported)
-    }
-
-    async fn set_watchdog(&mut self, _ids: &[u8], _millis: u16) -> Result<(), BusError> {
-        Err(BusError::Unsupported)
     }
 }
 

@@ -4,7 +4,7 @@
 //! kbit/s. The chip counts 4096 steps a period: at 50 Hz a step is 4.9 µs, some half a degree of a servo of
 //! 180° on 2000 µs. A PWM pin of the microcontroller ([`crate::pwm`]) is finer.
 
-use crate::bus::{BusError, Goal, Reading, ServoBus};
+use crate::bus::{BusError, Goal, ServoBus};
 use crate::pwm::{Calibration, Told};
 use embassy_futures::select::{Either, select};
 use embedded_hal_async::delay::DelayNs;
@@ -108,10 +108,6 @@ impl<I2C: I2c, T: DelayNs> Pca9685Bus<I2C, T> {
 }
 
 impl<I2C: I2c, T: DelayNs> ServoBus for Pca9685Bus<I2C, T> {
-    fn reads(&self, _index: usize) -> bool {
-        false
-    }
-
     /// Whether the board still answers: writes what it was told last.
     async fn ping(&mut self, _ids: &[u8], index: usize) -> Result<(), BusError> {
         if index < CHANNELS { self.output().await } else { Err(BusError::TooMany) }
@@ -129,19 +125,6 @@ impl<I2C: I2c, T: DelayNs> ServoBus for Pca9685Bus<I2C, T> {
         }
         let result = self.output().await;
         if goals.len() > CHANNELS { Err(BusError::TooMany) } else { result }
-    }
-
-    async fn read_all(&mut self, _ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
-        readings.fill(None);
-        Ok(())
-    }
-
-    async fn reboot(&mut self, _ids: &[u8], _index: usize) -> Result<(), BusError> {
-        Err(BusError::Unsupported)
-    }
-
-    async fn set_watchdog(&mut self, _ids: &[u8], _millis: u16) -> Result<(), BusError> {
-        Err(BusError::Unsupported)
     }
 }
 

@@ -3,7 +3,7 @@
 //! Goal units are microseconds of pulse. A servo is driven from its first goal on and only while its torque is on; else
 //! its line stays low, and it is limp. Nothing can be read back.
 
-use crate::bus::{BusError, Goal, Reading, ServoBus};
+use crate::bus::{BusError, Goal, ServoBus};
 use embedded_hal::pwm::SetDutyCycle;
 
 /// How a servo answers to pulses.
@@ -99,10 +99,6 @@ impl<P: SetDutyCycle, const N: usize> PwmBus<P, N> {
 }
 
 impl<P: SetDutyCycle, const N: usize> ServoBus for PwmBus<P, N> {
-    fn reads(&self, _index: usize) -> bool {
-        false
-    }
-
     async fn ping(&mut self, _ids: &[u8], index: usize) -> Result<(), BusError> {
         if index < N { Ok(()) } else { Err(BusError::TooMany) }
     }
@@ -120,19 +116,6 @@ impl<P: SetDutyCycle, const N: usize> ServoBus for PwmBus<P, N> {
             result = result.and(channel.output(pulse, self.period_us));
         }
         result
-    }
-
-    async fn read_all(&mut self, _ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
-        readings.fill(None);
-        Ok(())
-    }
-
-    async fn reboot(&mut self, _ids: &[u8], _index: usize) -> Result<(), BusError> {
-        Err(BusError::Unsupported)
-    }
-
-    async fn set_watchdog(&mut self, _ids: &[u8], _millis: u16) -> Result<(), BusError> {
-        Err(BusError::Unsupported)
     }
 }
 

@@ -96,10 +96,14 @@ impl core::error::Error for BusError {}
 /// buses without ids (PWM) go by the index, and joined buses may hold the same id twice. Every method returns
 /// within a time that the bus states, however the wire behaves; after an error the next call finds the bus usable.
 /// A cancelled call (a dropped future) leaves the bus usable too.
+///
+/// What is written here is a bus that only takes goals: it is not read, restarted or watched.
 #[allow(async_fn_in_trait, reason = "one task owns the bus; nothing needs these futures to be Send")]
 pub trait ServoBus {
     /// Whether this servo can be read back (hobby servos cannot). Where not, its readings stay `None`.
-    fn reads(&self, index: usize) -> bool;
+    fn reads(&self, _index: usize) -> bool {
+        false
+    }
 
     /// Asks one servo whether it is there. Where there is no reading back: always.
     ///
@@ -124,19 +128,26 @@ pub trait ServoBus {
     ///
     /// # Errors
     /// Why, when servos that can be read were asked and none answered.
-    async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError>;
+    async fn read_all(&mut self, _ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
+        readings.fill(None);
+        Ok(())
+    }
 
     /// Restarts one servo, which clears its hardware errors. Its torque is then off and it stays silent for
     /// some 0.3 to 1 s; [`ping`](Self::ping) until it answers.
     ///
     /// # Errors
     /// [`BusError::Unsupported`] where servos cannot be restarted over the bus.
-    async fn reboot(&mut self, ids: &[u8], index: usize) -> Result<(), BusError>;
+    async fn reboot(&mut self, _ids: &[u8], _index: usize) -> Result<(), BusError> {
+        Err(BusError::Unsupported)
+    }
 
     /// Sets the servos' own watchdog: after this long without a packet they stop by themselves. 0 disarms, and
     /// setting it revives those that have stopped. Rounded up to what the servo can count.
     ///
     /// # Errors
     /// [`BusError::Unsupported`] where servos have none.
-    async fn set_watchdog(&mut self, ids: &[u8], millis: u16) -> Result<(), BusError>;
+    async fn set_watchdog(&mut self, _ids: &[u8], _millis: u16) -> Result<(), BusError> {
+        Err(BusError::Unsupported)
+    }
 }
