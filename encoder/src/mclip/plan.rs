@@ -78,6 +78,32 @@ pub(super) fn level(choices: &mut [Choice]) {
     }
 }
 
+/// How a header begins that says nothing of the rate, and has neither tables nor channels yet.
+pub(super) fn opening<'p>(
+    settings: &Settings,
+    parameters: &'p [u8],
+    frames: usize,
+    channels: usize,
+) -> Opening<'p> {
+    Opening {
+        rate_numerator: 1,
+        rate_denominator: 1,
+        frames: frames as u32,
+        channels: channels as u16,
+        block_bytes: settings.block_bytes,
+        ram: 0,
+        delay: 0,
+        codec: settings.codec.id(),
+        entropy: EntropyId::FixedWidth.id(),
+        parameters,
+        tables: &[],
+        cycles: &[],
+        predictors: &[],
+        records: &[],
+        names: &[],
+    }
+}
+
 /// One channel of a motion.
 pub(super) struct Column {
     /// Its place among the channels.
@@ -164,23 +190,7 @@ impl Column {
     /// A plan for this channel alone.
     pub fn plan<'p>(&self, settings: &Settings, parameters: &'p [u8], choice: Choice) -> Plan<'p> {
         Plan {
-            opening: Opening {
-                rate_numerator: 1,
-                rate_denominator: 1,
-                frames: self.targets.len() as u32,
-                channels: 1,
-                block_bytes: u16::MAX,
-                ram: 0,
-                delay: 0,
-                codec: settings.codec.id(),
-                entropy: EntropyId::FixedWidth.id(),
-                parameters,
-                tables: &[],
-                cycles: &[],
-                predictors: &[],
-                records: &[],
-                names: &[],
-            },
+            opening: opening(settings, parameters, self.targets.len(), 1),
             channels: vec![self.record(settings.codec, ChannelKind::Rx, choice)],
             precision: PRECISION,
             entry_frames: settings.entry_frames,
