@@ -301,9 +301,6 @@ fn playlists_fade_from_clip_to_clip() {
     let mut world = World::new(&map, show, [2048; 3]);
     world.until_state(2000, State::Playing);
     let mut seen = std::vec::Vec::new();
-    let ticks =
-        u64::from(world.until(3000, |world| world.machine.state() != State::Playing || world.tick % 20 == 0));
-    let _ = ticks;
     while world.machine.state() == State::Playing {
         world.tick();
         if let Some((clip, ..)) = world.machine.stage().position()
@@ -391,7 +388,8 @@ fn an_outside_clock_is_followed() {
     world.machine.command(Command::Sync { frame: at + 2, fraction: phase }).unwrap();
     (0..100).for_each(|_| world.tick());
     let (_, now, _) = world.machine.stage().position().unwrap();
-    assert!((now - at - 62).abs_diff(0) <= 1 || now == at + 61, "{at} {now}");
+    // A second is 60 frames.
+    assert!((61..=63).contains(&(now - at)), "{at} {now}");
     world.machine.command(Command::Sync { frame: 200, fraction: 0 }).unwrap();
     world.until(100, |world| world.machine.stage().position().unwrap().1 >= 200);
 }
@@ -523,8 +521,6 @@ fn after_a_restart_by_itself_nothing_plays_before_someone_looked() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
-
     /// Whatever is commanded and whatever fails: `World::tick` checks every goal.
     #[test]
     fn nothing_makes_it_jump(
