@@ -49,10 +49,13 @@ use firmware::map::{
     BusKind, BusSpec, Idle, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy, Settings,
     bytes_len,
 };
-use serde::Deserialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
+
+mod file;
+
+use file::{Curve, Entry, File, OnFault};
 
 /// The servos of this project's puppets, as the device gets them.
 pub type Map = JointMap<MAX_SERVOS>;
@@ -75,101 +78,6 @@ pub struct Puppet {
     path: PathBuf,
     text: String,
     file: File,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    skeleton: Option<PathBuf>,
-    servo_hz: Spanned<u16>,
-    baud: Option<Spanned<u32>>,
-    interpolation: Option<Curve>,
-    on_fault: Option<OnFault>,
-    ease_seconds: Option<Spanned<f64>>,
-    ease_speed: Option<Spanned<f64>>,
-    fade_seconds: Option<Spanned<f64>>,
-    temperature_limit: Option<u8>,
-    min_volts: Option<Spanned<f64>>,
-    servo_watchdog_ms: Option<u16>,
-    #[serde(default)]
-    bus: Vec<BusEntry>,
-    joint: Vec<Entry>,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Curve {
-    Linear,
-    Cubic,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum OnFault {
-    Hold,
-    Home,
-    TorqueOff,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BusEntry {
-    name: Spanned<String>,
-    kind: Kind,
-    baud: Spanned<u32>,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Kind {
-    Dynamixel,
-    Dynamixel1,
-    Sts,
-    Scs,
-    Pwm,
-    Pca9685,
-    Blender,
-}
-
-impl From<Kind> for BusKind {
-    fn from(kind: Kind) -> Self {
-        match kind {
-            Kind::Dynamixel => Self::Dynamixel,
-            Kind::Dynamixel1 => Self::Dynamixel1,
-            Kind::Sts => Self::Sts,
-            Kind::Scs => Self::Scs,
-            Kind::Pwm => Self::Pwm,
-            Kind::Pca9685 => Self::Pca9685,
-            Kind::Blender => Self::Blender,
-        }
-    }
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Entry {
-    name: Spanned<String>,
-    channel: Spanned<String>,
-    bus: Option<Spanned<String>>,
-    id: Spanned<u8>,
-    zero: Option<Spanned<i32>>,
-    direction: Option<Spanned<i8>>,
-    scale: Option<Spanned<f64>>,
-    range: Option<Spanned<[f64; 2]>>,
-    goal_range: Option<Spanned<[i32; 2]>>,
-    home: Option<Spanned<f64>>,
-    max_speed: Spanned<f64>,
-    max_acceleration: Option<Spanned<f64>>,
-    idle: Option<Spanned<IdleEntry>>,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-#[derive(Default)]
-struct IdleEntry {
-    breathing: f64,
-    sway: f64,
-    gaze: f64,
 }
 
 /// Goals that a kind of servo takes: the lowest, the highest, and how many a degree is.

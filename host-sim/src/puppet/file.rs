@@ -1,0 +1,101 @@
+//! The keys of puppet.toml and the types of their values; [`Puppet`](super::Puppet) says what they mean.
+
+use firmware::map::BusKind;
+use serde::Deserialize;
+use std::path::PathBuf;
+use toml::Spanned;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct File {
+    pub(super) skeleton: Option<PathBuf>,
+    pub(super) servo_hz: Spanned<u16>,
+    pub(super) baud: Option<Spanned<u32>>,
+    pub(super) interpolation: Option<Curve>,
+    pub(super) on_fault: Option<OnFault>,
+    pub(super) ease_seconds: Option<Spanned<f64>>,
+    pub(super) ease_speed: Option<Spanned<f64>>,
+    pub(super) fade_seconds: Option<Spanned<f64>>,
+    pub(super) temperature_limit: Option<u8>,
+    pub(super) min_volts: Option<Spanned<f64>>,
+    pub(super) servo_watchdog_ms: Option<u16>,
+    #[serde(default)]
+    pub(super) bus: Vec<BusEntry>,
+    pub(super) joint: Vec<Entry>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Curve {
+    Linear,
+    Cubic,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum OnFault {
+    Hold,
+    Home,
+    TorqueOff,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BusEntry {
+    pub(super) name: Spanned<String>,
+    pub(super) kind: Kind,
+    pub(super) baud: Spanned<u32>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Kind {
+    Dynamixel,
+    Dynamixel1,
+    Sts,
+    Scs,
+    Pwm,
+    Pca9685,
+    Blender,
+}
+
+impl From<Kind> for BusKind {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Dynamixel => Self::Dynamixel,
+            Kind::Dynamixel1 => Self::Dynamixel1,
+            Kind::Sts => Self::Sts,
+            Kind::Scs => Self::Scs,
+            Kind::Pwm => Self::Pwm,
+            Kind::Pca9685 => Self::Pca9685,
+            Kind::Blender => Self::Blender,
+        }
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Entry {
+    pub(super) name: Spanned<String>,
+    pub(super) channel: Spanned<String>,
+    pub(super) bus: Option<Spanned<String>>,
+    pub(super) id: Spanned<u8>,
+    pub(super) zero: Option<Spanned<i32>>,
+    pub(super) direction: Option<Spanned<i8>>,
+    pub(super) scale: Option<Spanned<f64>>,
+    pub(super) range: Option<Spanned<[f64; 2]>>,
+    pub(super) goal_range: Option<Spanned<[i32; 2]>>,
+    pub(super) home: Option<Spanned<f64>>,
+    pub(super) max_speed: Spanned<f64>,
+    pub(super) max_acceleration: Option<Spanned<f64>>,
+    pub(super) idle: Option<Spanned<IdleEntry>>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[derive(Default)]
+pub(super) struct IdleEntry {
+    pub(super) breathing: f64,
+    pub(super) sway: f64,
+    pub(super) gaze: f64,
+}
