@@ -122,7 +122,7 @@ struct World<'m> {
     action: Option<Result<(), BusError>>,
     actions: std::vec::Vec<Action>,
     /// What each motor was told last, and how far that was from what it was told before.
-    velocity: HashMap<usize, i32>,
+    velocity: HashMap<usize, [i32; 2]>,
     told: HashMap<usize, i32>,
     tick: u32,
     watched: Option<u16>,
@@ -172,21 +172,27 @@ impl<'m> World<'m> {
             let last = self.told.insert(index, goal.position);
             // A motor that is told for the first time, or again after a loss, is told to be where it is.
             let begins = (goal.position - motor.position).abs() <= 7;
+            let reached = motor.torque && !motor.silent && self.bus.is_ok();
             if !motor.torque {
                 self.velocity.remove(&index);
             } else if let Some(last) = last {
-                let step = goal.position - last;
-                let change = step - self.velocity.get(&index).copied().unwrap_or(0);
-                let smooth = step.abs() <= 61 && change.abs() <= 8;
-                // It may only jump where it was lost and is found again.
-                assert!(smooth || begins, "servo {index}: {step} after {change} at tick {}", self.tick);
-                self.velocity.insert(index, if smooth { step } else { goal.position - motor.position });
-                let inwards = last < joint.min && step >= 0 || last > joint.max && step <= 0;
+                // Of what it is told, and of the motor, which stands still while nothing reaches it.
+                let steps = [goal.position - last, goal.position - motor.position];
+                let before = self.velocity.get(&index).copied().unwrap_or([0; 2]);
+                let smooth = |way: usize| steps[way].abs() <= 61 && (steps[way] - before[way]).abs() <= 8;
+                // What it is told may only jump to where the motor goes on smoothly: it was lost and is found again.
+                assert!(
+                    smooth(0) || smooth(1),
+                    "servo {index}: {steps:?} after {before:?} at tick {}",
+                    self.tick
+                );
+                self.velocity.insert(index, [steps[0], if reached { steps[1] } else { 0 }]);
+                let inwards = last < joint.min && steps[0] >= 0 || last > joint.max && steps[0] <= 0;
                 assert!(begins || inwards || (joint.min..=joint.max).contains(&goal.position), "{goal:?}");
             } else {
                 assert!(begins, "servo {index} starts at {}, told {}", motor.position, goal.position);
             }
-            if motor.torque && !motor.silent && self.bus.is_ok() {
+            if reached {
                 motor.position = goal.position;
             }
         }
