@@ -6,12 +6,11 @@ use crate::time::CLOCK_HZ;
 use core::convert::Infallible;
 use core::future::poll_fn;
 use core::ptr::{read_volatile, write_volatile};
+use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 use core::task::Poll;
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
 use cortex_m_rt::exception;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::pipe::Pipe;
 use embassy_sync::waitqueue::AtomicWaker;
 use embedded_io_async::{ErrorType, Read, Write};
 
@@ -51,8 +50,53 @@ unsafe impl InterruptNumber for Interrupt {
 
 static EMPTIED: AtomicWaker = AtomicWaker::new();
 
-/// Bytes that came in and were not read: more than the longest answer of 32 servos.
-static RECEIVED: Pipe<CriticalSectionRawMutex, 640> = Pipe::new();
+/// Bytes that came in and were not read; more than the longest answer of 32 servos.
+///
+/// One writes, the interrupt, and one reads, [`Uart`], so nobody has to keep interrupts off: at 1 Mbit/s a byte comes every 250
+/// cycles, and the UART has room for one.
+struct Received {
+    bytes: [AtomicU8; RECEIVED_BYTES],
+    /// Bytes ever written and read; they wrap around.
+    written: AtomicUsize,
+    read: AtomicUsize,
+    waker: AtomicWaker,
+}
+
+const RECEIVED_BYTES: usize = 1024;
+
+static RECEIVED: Received = Received {
+    bytes: [const { AtomicU8::new(0) }; RECEIVED_BYTES],
+    written: AtomicUsize::new(0),
+    read: AtomicUsize::new(0),
+    waker: AtomicWaker::new(),
+};
+
+impl Received {
+    fn slot(&self, number: usize) -> &AtomicU8 {
+        &self.bytes[number % RECEIVED_BYTES]
+    }
+
+    /// Only for the interrupt. What finds no room is lost; the answer that it belongs to then fails its checksum.
+    fn put(&self, byte: u8) {
+        let written = self.written.load(Ordering::Relaxed);
+        if written.wrapping_sub(self.read.load(Ordering::Acquire)) < RECEIVED_BYTES {
+            self.slot(written).store(byte, Ordering::Relaxed);
+            self.written.store(written.wrapping_add(1), Ordering::Release);
+        }
+        self.waker.wake();
+    }
+
+    /// Only for the one reader.
+    fn take(&self) -> Option<u8> {
+        let read = self.read.load(Ordering::Relaxed);
+        if read == self.written.load(Ordering::Acquire) {
+            return None;
+        }
+        let byte = self.slot(read).load(Ordering::Relaxed);
+        self.read.store(read.wrapping_add(1), Ordering::Release);
+        Some(byte)
+    }
+}
 
 /// Sends and receives bytes; waits for the line without spinning.
 pub struct Uart(());
@@ -119,7 +163,16 @@ impl Write for Uart {
 
 impl Read for Uart {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
-        Ok(RECEIVED.read(bytes).await)
+        if bytes.is_empty() {
+            return Ok(0);
+        }
+        let first = poll_fn(|context| {
+            RECEIVED.waker.register(context.waker());
+            RECEIVED.take().map_or(Poll::Pending, Poll::Ready)
+        })
+        .await;
+        let all = core::iter::once(first).chain(core::iter::from_fn(|| RECEIVED.take()));
+        Ok(bytes.iter_mut().zip(all).map(|(slot, byte)| *slot = byte).count())
     }
 }
 
@@ -132,8 +185,7 @@ unsafe fn DefaultHandler(interrupt: i16) {
                 write_volatile(INTCLEAR, RX_INTERRUPT);
                 (read_volatile(STATE) & RX_FULL != 0).then(|| read_volatile(DATA) as u8)
             };
-            // What nobody reads is lost; the answer that it belongs to then fails its checksum.
-            byte.into_iter().for_each(|byte| _ = RECEIVED.try_write(&[byte]));
+            byte.into_iter().for_each(|byte| RECEIVED.put(byte));
         }
         Ok(number) if number == Interrupt::Transmitted.number() => {
             // SAFETY: clears the interrupt, which only this handler does.
