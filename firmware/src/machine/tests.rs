@@ -494,6 +494,22 @@ fn a_servo_that_restarted_is_held_where_it_is() {
 }
 
 #[test]
+fn a_bus_that_comes_back_finds_the_servos_where_they_are() {
+    let map = map(Settings::new(HZ));
+    let mut world = World::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
+    world.until_state(2000, State::Playing);
+    // Where the first joint is fastest.
+    (0..150).for_each(|_| world.tick());
+    let before = world.positions();
+    world.bus = Err(BusError::NoReply);
+    (0..30).for_each(|_| world.tick());
+    assert!(world.told.iter().any(|(&index, told)| (told - before[index]).abs() > 8), "it was moving");
+    world.bus = Ok(());
+    (0..30).for_each(|_| world.tick());
+    assert_eq!(world.positions(), before);
+}
+
+#[test]
 fn a_damaged_clip_is_left() {
     let map = map(Settings::new(HZ));
     let mut world = World::new(&map, Show::default(), [2048; 3]);
