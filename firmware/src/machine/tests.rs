@@ -10,9 +10,6 @@ use std::collections::HashMap;
 pub(crate) const SERVOS: usize = 3;
 const HZ: u16 = 100;
 
-/// Ticks after which a silent servo counts as lost, and one for the reading that comes before the goals.
-const PATIENCE: u32 = 8;
-
 /// Clips of one channel a servo, from formulas.
 #[derive(Default)]
 pub(crate) struct Clips {
