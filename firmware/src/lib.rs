@@ -15,6 +15,7 @@ pub mod idle;
 pub mod interpolate;
 pub mod library;
 pub mod limits;
+pub mod link;
 pub mod machine;
 pub mod map;
 pub mod pca9685;
