@@ -8,6 +8,7 @@ pub mod blender;
 pub mod bus;
 pub mod clips;
 pub mod clock;
+pub mod device;
 pub mod drive;
 pub mod dynamixel;
 pub mod fault;

@@ -127,6 +127,11 @@ impl<'s, F: Mapped> Clips<'s, F> {
         Self { linked, store, live, workers: workers.map(Some), flash: PhantomData }
     }
 
+    /// The clips linked into the image.
+    pub const fn linked(&self) -> &'s [&'static [u8]] {
+        self.linked
+    }
+
     /// The clips in flash.
     pub const fn store(&mut self) -> Option<&mut Store<F>> {
         self.store.as_mut()

@@ -8,6 +8,8 @@ use crate::bus::{BusError, Reading};
 use crate::fault::Fault;
 use crate::machine::{Command, State};
 use crate::map::MAX_SERVOS;
+use crate::store::{Name, StoreError};
+use crate::stream::{Counters, Progress, StreamError};
 use crate::voice::PlayError;
 use core::fmt;
 use heapless::{String, Vec};
@@ -16,11 +18,8 @@ use serde::{Deserialize, Serialize};
 /// Version of the protocol. A device answers a hello of any version, and nothing else of another one.
 pub const VERSION: u8 = 1;
 
-/// Most bytes of a clip that one request carries.
-pub const DATA_BYTES: usize = 512;
-
-/// Most bytes of a clip's name.
-pub const NAME_BYTES: usize = 32;
+/// Most bytes of a clip that one request carries: a block of 1 KiB and its header.
+pub const DATA_BYTES: usize = 1040;
 
 /// Bytes that a request takes at most: a [`Request::Data`].
 pub const REQUEST_BYTES: usize = DATA_BYTES + 16;
@@ -31,11 +30,7 @@ pub const RESPONSE_BYTES: usize = 160;
 /// Bytes that anything from a device takes at most: telemetry of [`MAX_SERVOS`] servos.
 pub const ANSWER_BYTES: usize = 128 + 32 * MAX_SERVOS;
 
-/// The clip that is being streamed, for [`Command::Play`].
-pub const STREAMED: u16 = u16::MAX;
-
-/// What a host asks. All but streamed packets can be asked twice and are done once: see
-/// [`Session`](super::session::Session).
+/// What a host asks. What is asked twice under one number is done once: see [`Session`](super::session::Session).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Request<'a> {
     /// Who are you? The first request of a session; answered with [`Response::Hello`] whatever the version.
@@ -68,7 +63,7 @@ pub enum Request<'a> {
     Begin {
         /// Its number.
         clip: u16,
-        /// Its name, [`NAME_BYTES`] at most.
+        /// Its name, [`NAME_BYTES`](crate::store::NAME_BYTES) at most.
         name: &'a str,
         /// Its size.
         bytes: u32,
@@ -93,13 +88,20 @@ pub enum Request<'a> {
         /// Its number.
         clip: u16,
     },
-    /// A clip will be streamed: [`STREAMED`] is a new clip. Answered with [`Response::Stream`].
-    Stream,
-    /// A part of the streamed clip: of its header, or of a block. Answered with [`Response::Stream`]. A packet that is lost
-    /// is not asked for.
+    /// A clip will be streamed: [`LIVE`](crate::clips::LIVE) is a new clip. Answered with [`Response::Stream`].
+    Stream {
+        /// Bytes of its header.
+        bytes: u32,
+    },
+    /// Bytes of that header. Answered with [`Response::Stream`].
+    Header {
+        /// Where they begin in the header.
+        offset: u32,
+        /// The bytes.
+        bytes: &'a [u8],
+    },
+    /// One block of the streamed clip, or several, whole. Answered with [`Response::Stream`], which nobody needs to wait for.
     Packet {
-        /// Number of the packet, from 0.
-        number: u32,
         /// The bytes.
         bytes: &'a [u8],
     },
@@ -145,22 +147,18 @@ pub struct Hello {
     /// Version of its firmware.
     pub firmware: String<16>,
     /// What it is called.
-    pub name: String<NAME_BYTES>,
+    pub name: Name,
     /// Servos of its puppet.
     pub servos: u8,
     /// Goals per second and servo.
     pub tick_hz: u16,
     /// Hertz of the clock that [`Telemetry::busy`] counts.
     pub clock_hz: u32,
-    /// Most bytes of a [`Request::Data`] and [`Request::Packet`].
+    /// Most bytes of a [`Request::Data`].
     pub data_bytes: u16,
-    /// Bytes of flash for clips, and how many bytes one of them may have; 0 where clips cannot be uploaded.
-    pub flash_bytes: u32,
-    /// The largest clip.
+    /// Bytes of the largest clip for which there is room in flash now; 0 where clips cannot be uploaded.
     pub clip_bytes: u32,
-    /// Bytes of the buffer for streamed packets; 0 where nothing can be streamed.
-    pub stream_bytes: u32,
-    /// Whether writing flash stops everything else: then clips are taken only while the puppet is at rest.
+    /// Whether writing flash stops everything else: then it is written only while the puppet is at rest.
     pub flash_stalls: bool,
 }
 
@@ -170,7 +168,7 @@ pub struct ClipInfo {
     /// Its number.
     pub clip: u16,
     /// Its name.
-    pub name: String<NAME_BYTES>,
+    pub name: Name,
     /// Its size.
     pub bytes: u32,
     /// CRC-32 of it.
@@ -182,18 +180,10 @@ pub struct ClipInfo {
 /// How streaming goes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Streaming {
-    /// Bytes of packets that wait, and that there is room for.
-    pub waiting: u32,
-    /// Bytes for which there is room.
-    pub room: u32,
-    /// Frames played as they were sent.
-    pub played: u32,
-    /// Frames made up, since theirs had not come.
-    pub concealed: u32,
-    /// Packets that never came.
-    pub lost: u32,
-    /// Packets that came too late, twice, or when there was no room.
-    pub late: u32,
+    /// How far the stream is.
+    pub progress: Progress,
+    /// What has happened since it began.
+    pub counters: Counters,
 }
 
 /// What a device says unasked.
@@ -284,12 +274,12 @@ pub enum Refusal {
     Fault(Fault),
     /// The clip cannot be played.
     Play(PlayError),
-    /// The name is empty or longer than [`NAME_BYTES`].
-    Name,
-    /// It has no flash for clips, or cannot stream.
-    Unable,
-    /// No clip is coming.
-    NoUpload,
+    /// Its clips cannot be changed in this way.
+    Store(StoreError),
+    /// It cannot stream that.
+    Stream(StreamError),
+    /// It has no flash for clips.
+    NoStore,
     /// [`Command::LinkLost`] is the device's own.
     Reserved,
 }
@@ -304,9 +294,9 @@ impl fmt::Display for Refusal {
             }
             Self::Fault(fault) => write!(f, "a fault is latched: {fault}; acknowledge it first"),
             Self::Play(error) => error.fmt(f),
-            Self::Name => write!(f, "a clip's name has 1 to {NAME_BYTES} bytes"),
-            Self::Unable => f.write_str("the device has no memory for that"),
-            Self::NoUpload => f.write_str("no clip is coming"),
+            Self::Store(error) => error.fmt(f),
+            Self::Stream(error) => error.fmt(f),
+            Self::NoStore => f.write_str("the device has no flash for clips"),
             Self::Reserved => f.write_str("this command is the device's own"),
         }
     }

@@ -7,7 +7,9 @@
 //! Time goes on by the frames that are played, whether they came or not: what comes too late is left out, and the puppet is in time again.
 
 use core::cell::{Cell, RefCell};
+use core::fmt;
 use decoder_core::{Error, I16F16, Limits};
+use serde::{Deserialize, Serialize};
 
 /// Memory of a live stream.
 #[derive(Debug)]
@@ -34,7 +36,7 @@ pub struct Settings {
 }
 
 /// What has happened since the stream began. Saturates.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Counters {
     /// Frames that were played as they were sent.
@@ -56,7 +58,7 @@ pub struct Counters {
 }
 
 /// How far a stream is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Progress {
     /// Number of the frame that plays next.
@@ -70,7 +72,7 @@ pub struct Progress {
 }
 
 /// Why a stream does not take what it was given.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum StreamError {
@@ -95,6 +97,24 @@ pub enum StreamError {
         found: u32,
     },
 }
+
+impl fmt::Display for StreamError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::NoHeader => f.write_str("no stream was begun, or its header is not whole"),
+            Self::Playing => f.write_str("the stream before this one still plays"),
+            Self::Clip(error) => error.fmt(f),
+            Self::TooLarge { needed, room } => {
+                write!(f, "a header or block takes {needed} bytes, and there are {room} for it")
+            }
+            Self::Gap { expected, found } => {
+                write!(f, "bytes of the header come from {found} on, expected {expected}")
+            }
+        }
+    }
+}
+
+impl core::error::Error for StreamError {}
 
 /// A live stream, between the link that fills it and the decoder that plays it.
 #[derive(Debug)]

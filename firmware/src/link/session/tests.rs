@@ -1,9 +1,11 @@
 use super::*;
 use crate::bus::Reading;
+use crate::clips::LIVE;
 use crate::link::frame::FrameError;
-use crate::link::message::{Hello, Playing, STREAMED, ServoInfo, Streaming};
+use crate::link::message::{DATA_BYTES, Hello, Playing, ServoInfo, Streaming};
 use crate::machine::Command;
 use crate::map::MAX_SERVOS;
+use crate::stream::{Counters, Progress};
 use crate::voice::PlayError;
 use decoder_core::{Error, Field};
 use proptest::prelude::*;
@@ -28,9 +30,7 @@ fn me() -> Response {
         tick_hz: 100,
         clock_hz: 64_000_000,
         data_bytes: 512,
-        flash_bytes: 1 << 20,
         clip_bytes: 1 << 18,
-        stream_bytes: 4096,
         flash_stalls: false,
     })
 }
@@ -79,7 +79,7 @@ fn serve(session: &mut Session, bytes: &[u8], now: u32) -> (List<(u16, Answer)>,
                 done.push(*command);
                 Response::Done
             }
-            _ => Response::Refused(Refusal::Unable),
+            _ => Response::Refused(Refusal::NoStore),
         });
         answers.extend(said(session));
         if rest.len() == before {
@@ -136,9 +136,9 @@ fn a_doubled_request_is_answered_again_and_done_once() {
 fn what_is_no_request_is_refused() {
     let mut session = Session::new();
     serve(&mut session, &frame(0, &hello(1)), 0);
-    let mut buffer = [0; 600];
+    let mut buffer = [0; 40];
     // A variant that there is none of; a slice that is longer than its frame; one byte too many.
-    for message in [&[99u8][..], &[8, 0, 200, 1, 7], &[1, 0]] {
+    for message in [&[99u8][..], &[7, 0, 200, 1, 7], &[1, 0]] {
         let mut raw = List::from(postcard::to_slice(&5u16, &mut [0; 3]).unwrap() as &[u8]);
         raw.extend(message);
         raw.extend(super::super::frame::crc32([&raw[..]]).to_le_bytes());
@@ -149,9 +149,8 @@ fn what_is_no_request_is_refused() {
     }
     assert_eq!(session.counts.unknown, 3);
     // The longest request fits.
-    let longest =
-        frame(6, &Request::Packet { number: u32::MAX, bytes: &[0xff; crate::link::message::DATA_BYTES] });
-    assert_eq!(serve(&mut session, &longest, 0).0, [(6, refused(Refusal::Unable))]);
+    let longest = frame(6, &Request::Data { offset: u32::MAX, bytes: &[0xff; DATA_BYTES] });
+    assert_eq!(serve(&mut session, &longest, 0).0, [(6, refused(Refusal::NoStore))]);
 }
 
 #[test]
@@ -241,18 +240,23 @@ fn the_largest_answers_fit() {
         torque: Some(true),
     };
     let servo = ServoInfo { id: 252, goal: -crate::map::GOAL_LIMIT, reading: Some(reading) };
-    let stream = Streaming {
-        waiting: u32::MAX,
-        room: u32::MAX,
-        played: u32::MAX,
-        concealed: u32::MAX,
-        lost: u32::MAX,
-        late: u32::MAX,
+    let m = u32::MAX;
+    let progress = Progress { position: m, received: m, frames: m, room: m };
+    let counters = Counters {
+        played: m,
+        concealed: m,
+        eased: m,
+        lost: m,
+        late: m,
+        duplicates: m,
+        damaged: m,
+        overflowed: m,
     };
+    let stream = Streaming { progress, counters };
     let most = Telemetry {
         millis: u32::MAX,
         fault: Some(fault),
-        playing: Some(Playing { clip: STREAMED, frame: u32::MAX, phase: u16::MAX }),
+        playing: Some(Playing { clip: LIVE, frame: u32::MAX, phase: u16::MAX }),
         speed: u16::MAX,
         ticks: u32::MAX,
         missed: u32::MAX,
@@ -274,9 +278,7 @@ fn the_largest_answers_fit() {
         tick_hz: u16::MAX,
         clock_hz: u32::MAX,
         data_bytes: u16::MAX,
-        flash_bytes: u32::MAX,
         clip_bytes: u32::MAX,
-        stream_bytes: u32::MAX,
         flash_stalls: true,
     };
     while hello.firmware.push('x').is_ok() {}
