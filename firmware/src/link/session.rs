@@ -104,7 +104,8 @@ impl Session {
             }
             let response = match request {
                 Request::Hello { version, session } => {
-                    (self.open, self.hold, self.telemetry) = ((version == VERSION).then_some(session), 0, 0);
+                    // What the last host promised by a hold it has to answer for.
+                    (self.open, self.telemetry) = ((version == VERSION).then_some(session), 0);
                     answer(&request)
                 }
                 _ if self.open.is_none() => Response::Refused(Refusal::NoSession),
@@ -127,6 +128,11 @@ impl Session {
     /// Whether someone began a session of this version.
     pub const fn is_open(&self) -> bool {
         self.open.is_some()
+    }
+
+    /// Whether the host said that it has to be there.
+    pub const fn is_held(&self) -> bool {
+        self.hold > 0
     }
 
     /// Whether the host said that it has to be there, and is gone. True once.
