@@ -227,7 +227,7 @@ impl Device {
                 Ok(Response::Again)
             }
             _ => {
-                store.abandon();
+                store.abandon()?;
                 (self.job, self.ended) = (Job::None, None);
                 Ok(Response::Done)
             }

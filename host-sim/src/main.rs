@@ -27,6 +27,10 @@ enum Command {
     Bench(commands::bench::Args),
     Table1(commands::table1::Args),
     Servos(commands::servos::Args),
+    Device(commands::device::Args),
+    Push(commands::push::Args),
+    Stream(commands::stream::Args),
+    Monitor(commands::monitor::Args),
     Rd(commands::rd::Args),
     Train(commands::train::Args),
 }
@@ -60,6 +64,10 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Bench(args) => commands::bench::run(args),
         Command::Table1(args) => commands::table1::run(args),
         Command::Servos(args) => commands::servos::run(args),
+        Command::Device(args) => commands::device::run(args),
+        Command::Push(args) => commands::push::run(args),
+        Command::Stream(args) => commands::stream::run(args),
+        Command::Monitor(args) => commands::monitor::run(args),
         Command::Rd(args) => commands::rd::run(args),
         Command::Train(args) => commands::train::run(args),
     }
