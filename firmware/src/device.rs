@@ -77,7 +77,7 @@ impl Device {
     /// `millis` is the time since the device was turned on, `busy` the cycles of [`Identity::clock_hz`] that the last tick took.
     pub fn tick<F: Mapped, const N: usize>(
         &mut self,
-        machine: &mut Machine<'_, Clips<'_, F>, N>,
+        machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
         feedback: &Feedback<'_>,
         millis: u32,
         busy: u32,
@@ -104,7 +104,7 @@ impl Device {
         &mut self,
         session: &mut Session,
         bytes: &mut &[u8],
-        machine: &mut Machine<'_, Clips<'_, F>, N>,
+        machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
         feedback: &Feedback<'_>,
     ) {
         let now = self.millis;
@@ -118,12 +118,12 @@ impl Device {
         }
     }
 
-    fn may_write<F: Mapped, const N: usize>(&self, machine: &Machine<'_, Clips<'_, F>, N>) -> bool {
+    fn may_write<F: Mapped, const N: usize>(&self, machine: &Machine<'_, Clips<'_, '_, F>, N>) -> bool {
         !self.identity.flash_stalls || machine.at_rest()
     }
 
     /// A step of what the store is doing.
-    fn work<F: Mapped, const N: usize>(&mut self, machine: &mut Machine<'_, Clips<'_, F>, N>) {
+    fn work<F: Mapped, const N: usize>(&mut self, machine: &mut Machine<'_, Clips<'_, '_, F>, N>) {
         let Some(store) = machine.library().store() else { return };
         if matches!(store.status(), Status::Idle | Status::Receiving { .. }) {
             return;
@@ -139,7 +139,7 @@ impl Device {
     fn answer<F: Mapped, const N: usize>(
         &mut self,
         request: &Request<'_>,
-        machine: &mut Machine<'_, Clips<'_, F>, N>,
+        machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
     ) -> Result<Response, Refusal> {
         let writes = matches!(
             request,
@@ -247,7 +247,7 @@ impl Device {
         self.ended.unwrap_or(Ok(()))
     }
 
-    fn hello<F: Mapped, const N: usize>(&self, machine: &mut Machine<'_, Clips<'_, F>, N>) -> Hello {
+    fn hello<F: Mapped, const N: usize>(&self, machine: &mut Machine<'_, Clips<'_, '_, F>, N>) -> Hello {
         let map = machine.map();
         Hello {
             version: VERSION,
@@ -264,7 +264,7 @@ impl Device {
 
     fn telemetry<F: Mapped, const N: usize>(
         &self,
-        machine: &mut Machine<'_, Clips<'_, F>, N>,
+        machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
         feedback: &Feedback<'_>,
     ) -> Telemetry {
         let live = machine.library().live();
@@ -295,7 +295,7 @@ impl Device {
 
 fn command_machine<F: Mapped, const N: usize>(
     command: Command,
-    machine: &mut Machine<'_, Clips<'_, F>, N>,
+    machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
 ) -> Result<Response, Refusal> {
     match (command, machine.fault()) {
         (Command::LinkLost, _) => return Err(Refusal::Reserved),
@@ -315,13 +315,13 @@ fn progress(status: Status) -> Response {
     }
 }
 
-fn streaming<F: Mapped>(clips: &Clips<'_, F>) -> Response {
+fn streaming<F: Mapped>(clips: &Clips<'_, '_, F>) -> Response {
     let live = clips.live();
     Response::Stream(Streaming { progress: live.progress(), counters: live.counters() })
 }
 
 /// A place of the list: the clips in flash, then those linked in that they do not hide.
-fn info<F: Mapped>(clips: &mut Clips<'_, F>, index: u16) -> Option<ClipInfo> {
+fn info<F: Mapped>(clips: &mut Clips<'_, '_, F>, index: u16) -> Option<ClipInfo> {
     let linked = clips.linked();
     let mut count = 0;
     if let Some(store) = clips.store() {
@@ -334,7 +334,7 @@ fn info<F: Mapped>(clips: &mut Clips<'_, F>, index: u16) -> Option<ClipInfo> {
         }
     }
     let hidden =
-        |clips: &mut Clips<'_, F>, clip| clips.store().is_some_and(|store| store.entry(clip).is_some());
+        |clips: &mut Clips<'_, '_, F>, clip| clips.store().is_some_and(|store| store.entry(clip).is_some());
     for (clip, bytes) in (0..).zip(linked) {
         if hidden(clips, clip) {
             continue;

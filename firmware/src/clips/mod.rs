@@ -1,134 +1,67 @@
 //! All clips of a puppet: linked into the image, in flash, or streamed.
+//!
+//! ```
+//! use decoder_core::{I16F16, Limits};
+//! use firmware::clips::{Clips, Post, Worker, Workspace, decode};
+//! use firmware::store::Store;
+//! use firmware::stream::{Live, Memory, PlayerMemory, Settings};
+//! use core::pin::pin;
+//!
+//! # fn with<F: firmware::store::Mapped>(store: Option<Store<F>>, linked: &'static [u8]) {
+//! let (mut buffer, mut header, mut block) = ([0; 8192], [0; 1024], [0; 1024]);
+//! let mut poses = [[I16F16::ZERO; 64]; 4];
+//! let player = PlayerMemory { header: &mut header, block: &mut block, poses: poses.each_mut().map(|pose| &mut pose[..]) };
+//! let limits = Limits { channels: 64, frames: u32::MAX };
+//! let settings = Settings { ahead_millis: 200, lost_millis: 500, limits };
+//! let live = Live::new(Memory { buffer: &mut buffer, player }, settings);
+//! let (mut first, mut second) = (Workspace::<64, 0, 2048>::new(), Workspace::<64, 0, 2048>::new());
+//! let (mut poses, posts) = ([[I16F16::ZERO; 64]; 2], [Post::new(), Post::new()]);
+//! let first = pin!(decode(&posts[0], &mut first, &live));
+//! let second = pin!(decode(&posts[1], &mut second, &live));
+//! let [one, other] = poses.each_mut();
+//! let workers = [Worker::new(first, &posts[0], one), Worker::new(second, &posts[1], other)];
+//! let linked = [linked];
+//! let clips = Clips::new(&linked, store, &live, workers);
+//! # }
+//! ```
+
+mod worker;
+
+pub use worker::{Post, Worker, Workspace, decode};
 
 use crate::stage::Library;
 use crate::store::{Lease, Mapped, Store};
 use crate::stream::Live;
 use crate::voice::{Frames, PlayError};
-use core::cell::Cell;
-use core::convert::Infallible;
-use core::future::Future;
-use core::marker::PhantomData;
-use core::pin::Pin;
-use decoder_core::mclip::State;
-use decoder_core::predict::Correlation;
 use decoder_core::{Error, I16F16};
 
 /// The clip number of the live stream.
 pub const LIVE: u16 = u16::MAX;
 
-/// Memory of a decoder: for clips of `C` channels, `K` adaptive predictors (0 or C), and `W` 16-bit words of entropy
-/// stage and windows.
-#[derive(Debug)]
-pub struct Workspace<const C: usize, const K: usize, const W: usize> {
-    pose: [I16F16; C],
-    states: [State; C],
-    correlations: [Correlation; K],
-    words: [u16; W],
-}
-
-impl<const C: usize, const K: usize, const W: usize> Workspace<C, K, W> {
-    /// Memory.
-    pub const fn new() -> Self {
-        Self {
-            pose: [I16F16::ZERO; C],
-            states: [State::EMPTY; C],
-            correlations: [Correlation::EMPTY; K],
-            words: [0; W],
-        }
-    }
-}
-
-impl<const C: usize, const K: usize, const W: usize> Default for Workspace<C, K, W> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-/// What a decoder and the one who plays its frames tell each other.
-#[derive(Default)]
-pub struct Post<'s> {
-    pose: Cell<Option<&'s mut [I16F16]>>,
-}
-
-/// Decodes whatever clip is asked for, in its memory, for ever: a coroutine, since the decoders borrow the memory, and give it
-/// back only when they go.
-pub async fn decode<const C: usize, const K: usize, const W: usize>(
-    post: &Post<'_>,
-    memory: &mut Workspace<C, K, W>,
-    live: &Live<'_>,
-) -> Infallible {
-    let _ = (live, &memory.pose, &memory.states, &memory.correlations, &memory.words, &post.pose);
-    core::future::pending().await
-}
-
-/// A decoder, as the library has it while nothing plays.
-pub struct Worker<'s> {
-    task: Pin<&'s mut (dyn Future<Output = Infallible> + 's)>,
-    post: &'s Post<'s>,
-    pose: &'s mut [I16F16],
-}
-
-impl<'s> Worker<'s> {
-    /// A decoder of [`decode`], pinned, which has the same post. `pose` takes a frame.
-    pub fn new(
-        task: Pin<&'s mut (dyn Future<Output = Infallible> + 's)>,
-        post: &'s Post<'s>,
-        pose: &'s mut [I16F16],
-    ) -> Self {
-        Self { task, post, pose }
-    }
-}
-
-/// A clip that is open.
-pub struct Playing<'s> {
-    worker: Worker<'s>,
-    lease: Option<Lease>,
-}
-
-impl Frames for Playing<'_> {
-    fn channels(&self) -> usize {
-        0
-    }
-    fn frames(&self) -> u32 {
-        0
-    }
-    fn rate_centihertz(&self) -> u16 {
-        0
-    }
-    fn position(&self) -> u32 {
-        0
-    }
-    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
-        let _ = (&self.worker.task, &self.worker.post, &self.worker.pose, &self.lease);
-        Ok(None)
-    }
-    fn approach(&mut self, _: u32) {}
-}
-
 /// The clips, by number: those in the store, then those linked into the image (from 0), and [`LIVE`].
 ///
-/// A clip in the store hides the linked one of its number.
-pub struct Clips<'s, F> {
-    linked: &'s [&'static [u8]],
+/// A clip in the store hides the linked one of its number. Clips are checked when they get into the store or the image; blocks
+/// are checked again as they are decoded. `'t` is the borrow of the decoders' tasks, `'s` that of the memory.
+pub struct Clips<'t, 's, F> {
+    linked: &'t [&'static [u8]],
     store: Option<Store<F>>,
     live: &'s Live<'s>,
-    workers: [Option<Worker<'s>>; 2],
-    flash: PhantomData<F>,
+    workers: [Option<Worker<'t, 's>>; 2],
 }
 
-impl<'s, F: Mapped> Clips<'s, F> {
+impl<'t, 's, F: Mapped> Clips<'t, 's, F> {
     /// The clips of a board. Without a store, no clip can be uploaded.
     pub fn new(
-        linked: &'s [&'static [u8]],
+        linked: &'t [&'static [u8]],
         store: Option<Store<F>>,
         live: &'s Live<'s>,
-        workers: [Worker<'s>; 2],
+        workers: [Worker<'t, 's>; 2],
     ) -> Self {
-        Self { linked, store, live, workers: workers.map(Some), flash: PhantomData }
+        Self { linked, store, live, workers: workers.map(Some) }
     }
 
     /// The clips linked into the image.
-    pub const fn linked(&self) -> &'s [&'static [u8]] {
+    pub const fn linked(&self) -> &'t [&'static [u8]] {
         self.linked
     }
 
@@ -141,17 +74,85 @@ impl<'s, F: Mapped> Clips<'s, F> {
     pub const fn live(&self) -> &'s Live<'s> {
         self.live
     }
-}
 
-impl<'s, F: Mapped> Library for Clips<'s, F> {
-    type Frames = Playing<'s>;
-
-    fn open(&mut self, clip: u16) -> Result<Playing<'s>, PlayError> {
-        let _ = (self.linked, &self.workers);
-        Err(PlayError::NoClip { clip })
+    fn release(&mut self, lease: Option<Lease>) {
+        if let (Some(store), Some(lease)) = (&mut self.store, lease) {
+            store.release(lease);
+        }
     }
 
-    fn close(&mut self, frames: Playing<'s>) {
-        let _ = frames;
+    fn give(&mut self, worker: Worker<'t, 's>) {
+        if let Some(place) = self.workers.iter_mut().find(|worker| worker.is_none()) {
+            *place = Some(worker);
+        }
+    }
+}
+
+impl<'t, 's, F: Mapped> Library for Clips<'t, 's, F> {
+    type Frames = Playing<'t, 's>;
+
+    fn open(&mut self, clip: u16) -> Result<Playing<'t, 's>, PlayError> {
+        let lease = self.store.as_mut().and_then(|store| store.lease(clip));
+        let linked = self.linked.get(usize::from(clip)).copied();
+        let bytes = lease.as_ref().map(Lease::bytes).or(linked);
+        if bytes.is_none() && clip != LIVE {
+            return Err(PlayError::NoClip { clip });
+        }
+        let Some(mut worker) = self.workers.iter_mut().find_map(Option::take) else {
+            self.release(lease);
+            return Err(PlayError::NoDecoder);
+        };
+        let opened = match bytes {
+            Some(bytes) => worker.open(bytes),
+            None => worker.open_live(),
+        };
+        match opened {
+            Ok(()) => Ok(Playing { worker, lease }),
+            Err(error) => {
+                self.release(lease);
+                self.give(worker);
+                Err(error)
+            }
+        }
+    }
+
+    fn close(&mut self, frames: Playing<'t, 's>) {
+        let Playing { mut worker, lease } = frames;
+        worker.close();
+        self.release(lease);
+        self.give(worker);
+    }
+}
+
+/// A clip that is open.
+pub struct Playing<'t, 's> {
+    worker: Worker<'t, 's>,
+    /// Of a clip in the store.
+    lease: Option<Lease>,
+}
+
+impl Frames for Playing<'_, '_> {
+    fn channels(&self) -> usize {
+        self.worker.channels()
+    }
+
+    fn frames(&self) -> u32 {
+        self.worker.frames()
+    }
+
+    fn rate_centihertz(&self) -> u16 {
+        self.worker.rate_centihertz()
+    }
+
+    fn position(&self) -> u32 {
+        self.worker.position()
+    }
+
+    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
+        self.worker.next_frame()
+    }
+
+    fn approach(&mut self, frame: u32) {
+        self.worker.approach(frame);
     }
 }

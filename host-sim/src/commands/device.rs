@@ -41,8 +41,8 @@ pub struct Args {
     /// The clip that a trigger plays.
     #[arg(long, value_name = "CLIP")]
     trigger: Option<u16>,
-    /// Time in ms without a block after which a stream that is not at its end is lost.
-    #[arg(long, value_name = "MS", default_value_t = 500)]
+    /// Time in ms without a block after which a stream that is not at its end is lost; a block may be a second of motion.
+    #[arg(long, value_name = "MS", default_value_t = 2000)]
     stream_lost: u16,
     /// Print the port as JSON.
     #[arg(long)]

@@ -21,7 +21,7 @@ use firmware::link::message::DATA_BYTES;
 use firmware::machine::{Machine, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::store::{Layout, Store};
-use firmware::stream::{Live, Memory, Settings};
+use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -65,7 +65,7 @@ impl Default for Config {
             flash_kib: 1024,
             idle_clip: None,
             trigger_clip: None,
-            stream: Settings { ahead_millis: 200, lost_millis: 500, limits: Limits::MAX },
+            stream: Settings { ahead_millis: 200, lost_millis: 2000, limits: Limits::MAX },
         }
     }
 }
@@ -117,18 +117,15 @@ fn forever<T>(memory: T) -> &'static mut T {
 /// The live stream.
 fn live(config: &Config) -> &'static Live<'static> {
     let pose = || &mut forever([I16F16::ZERO; CHANNELS])[..];
-    let memory = Memory {
-        buffer: forever([0; STREAM_BYTES]),
-        header: forever([0; HEADER_BYTES]),
-        block: forever([0; DATA_BYTES]),
-        poses: [pose(), pose(), pose(), pose()],
-    };
+    let poses = [pose(), pose(), pose(), pose()];
+    let player = PlayerMemory { header: forever([0; HEADER_BYTES]), block: forever([0; DATA_BYTES]), poses };
+    let memory = Memory { buffer: forever([0; STREAM_BYTES]), player };
     forever(Live::new(memory, config.stream))
 }
 
 /// A decoder.
-fn worker(live: &'static Live<'static>) -> Worker<'static> {
-    let post: &'static Post<'static> = forever(Post::default());
+fn worker(live: &'static Live<'static>) -> Worker<'static, 'static> {
+    let post: &'static Post<'static> = forever(Post::new());
     let memory = forever(Workspace::<CHANNELS, CHANNELS, WORDS>::new());
     let task = forever(Box::pin(decode(post, memory, live)));
     Worker::new(task.as_mut(), post, forever([I16F16::ZERO; CHANNELS]))
@@ -163,7 +160,7 @@ struct RealTime<'a> {
     busy: Duration,
 }
 
-impl Surroundings<Clips<'_, Flash<SECTOR>>, MAX_SERVOS> for RealTime<'_> {
+impl Surroundings<Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS> for RealTime<'_> {
     async fn wait(&mut self, tick: u32) -> bool {
         self.busy = self.woken.elapsed();
         let due = |tick| self.start + Duration::from_micros(self.map.tick_micros(tick));
@@ -180,7 +177,7 @@ impl Surroundings<Clips<'_, Flash<SECTOR>>, MAX_SERVOS> for RealTime<'_> {
 
     fn control(
         &mut self,
-        machine: &mut Machine<'_, Clips<'_, Flash<SECTOR>>, MAX_SERVOS>,
+        machine: &mut Machine<'_, Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS>,
         feedback: &Feedback<'_>,
     ) -> bool {
         let Self { device, lines, .. } = self;

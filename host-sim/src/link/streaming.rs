@@ -123,6 +123,7 @@ pub fn stream(
         next: 0,
         room: 0,
         started: false,
+        heard: Instant::now(),
         report: Report { blocks: 0, breaks: 0, last: None },
     };
     let mut client = Client::open(name, baud)?;
@@ -167,9 +168,11 @@ struct Run<'a> {
     settings: Settings,
     /// The block that is sent next.
     next: usize,
-    /// Bytes that the device has room for.
-    room: u32,
+    /// Blocks that the device has room for.
+    room: u16,
     started: bool,
+    /// When the device heard of us last.
+    heard: Instant,
     report: Report,
 }
 
@@ -198,7 +201,7 @@ impl Run<'_> {
             bail!("{} has lost the stream: it has restarted", client.name())
         };
         self.next = self.parts.resume(stream.progress);
-        self.room = stream.progress.room;
+        self.room = stream.progress.free_blocks;
         self.hold(client, self.settings.hold_millis)
     }
 
@@ -206,7 +209,8 @@ impl Run<'_> {
     fn ask(&mut self, client: &mut Client, request: &Request<'_>) -> Result<()> {
         match client.request(request)? {
             Response::Stream(stream) => {
-                self.room = stream.progress.room;
+                self.room = stream.progress.free_blocks;
+                self.heard = Instant::now();
                 Ok(())
             }
             other => Err(client.unexpected(&other).into()),
@@ -216,7 +220,7 @@ impl Run<'_> {
     /// Sends what there is room for, and takes a telemetry; true at the end.
     fn go_on(&mut self, client: &mut Client, told: &mut dyn FnMut(&Telemetry)) -> Result<bool> {
         while let Some(block) = self.parts.blocks.get(self.next) {
-            if (self.room as usize) < block.bytes.len() {
+            if self.room == 0 {
                 break;
             }
             let bytes = self.parts.bytes(block);
@@ -228,6 +232,11 @@ impl Run<'_> {
             client.command(Command::Play { clip: LIVE, repeats: false }).context("cannot play the stream")?;
         }
         self.started = true;
+        // A block may be a second of motion: between them the device hears that we are here.
+        if self.heard.elapsed() >= Duration::from_millis(u64::from(self.settings.hold_millis) / 4) {
+            client.done(&Request::Alive)?;
+            self.heard = Instant::now();
+        }
         let silence = Duration::from_millis(u64::from(TELEMETRY_MILLIS) * 10);
         let Some(telemetry) = client.telemetry(silence)? else {
             // It says nothing by itself: is it there?
@@ -239,7 +248,7 @@ impl Run<'_> {
             bail!("{} has a fault: {fault}", client.name());
         }
         let progress = telemetry.stream.map(|stream| stream.progress);
-        self.room = progress.map_or(0, |progress| progress.room);
+        self.room = progress.map_or(0, |progress| progress.free_blocks);
         let all = self.next >= self.parts.blocks.len();
         let ended = all && progress.is_none_or(|progress| progress.position >= self.parts.frames);
         self.report.last = Some(telemetry);
@@ -278,7 +287,9 @@ mod tests {
         assert!(parts.blocks[0].entry);
 
         // In time the next block follows; else the next entry point, if there is one.
-        let at = |position, received| parts.resume(Progress { position, received, frames: 480, room: 0 });
+        let at = |position, received| {
+            parts.resume(Progress { position, received, frames: 480, free_blocks: 0, blocks: 8 })
+        };
         assert_eq!((at(0, 0), at(3, ends[0]), at(3, 480)), (0, 1, parts.blocks.len()));
         let next = at(ends[0] + 1, ends[0]);
         assert!(parts.blocks.get(next).is_none_or(|block| block.entry && block.first_frame > ends[0]));

@@ -242,7 +242,7 @@ fn the_largest_answers_fit() {
     };
     let servo = ServoInfo { id: 252, goal: -crate::map::GOAL_LIMIT, reading: Some(reading) };
     let m = u32::MAX;
-    let progress = Progress { position: m, received: m, frames: m, room: m };
+    let progress = Progress { position: m, received: m, frames: m, free_blocks: u16::MAX, blocks: u16::MAX };
     let counters = Counters {
         played: m,
         concealed: m,
