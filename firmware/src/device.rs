@@ -87,7 +87,10 @@ impl Device {
         self.ticks = self.ticks.wrapping_add(1);
         self.missed = self.missed.saturating_add(u32::from(feedback.late));
         (self.busy, self.busiest) = (busy, self.busiest.max(busy));
-        if machine.library().live().lost(passed) {
+        let live = machine.library().live();
+        // Where the buffer is full nobody can send.
+        let waits = live.progress().free_blocks > 0;
+        if live.lost(if waits { passed } else { 0 }) {
             // What is not there cannot be gone on with after an acknowledgement.
             let _ = machine.command(Command::Stop);
             let _ = machine.command(Command::LinkLost);

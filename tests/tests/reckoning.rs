@@ -21,7 +21,10 @@ fn study() {
     let clips: Vec<_> = names
         .iter()
         .map(|path| {
-            let subject = path.file_stem().unwrap().to_str().unwrap().split('_').next().unwrap().to_owned(); let clip = encoder::import::load(path, Some(&path.with_file_name(format!("{subject}.asf"))), None).unwrap();
+            let subject = path.file_stem().unwrap().to_str().unwrap().split('_').next().unwrap().to_owned();
+            let clip =
+                encoder::import::load(path, Some(&path.with_file_name(format!("{subject}.asf"))), None)
+                    .unwrap();
             let bytes = Encoder::new(&clip.skeleton, &clip.motion)
                 .unwrap()
                 .encode(&Settings::new(CodecId::Dpcm), Quality::Step(0.25));

@@ -82,15 +82,11 @@ pub fn line(telemetry: &Telemetry, clock_hz: u32) -> String {
         };
         line += &format!("  {clip} frame {} at {:.2}x", playing.frame, f64::from(telemetry.speed) / 256.0);
     }
-    if let Some(stream) = stream {
+    if let (Some(stream), Some(firmware::clips::LIVE)) = (stream, playing.map(|playing| playing.clip)) {
         let counters = stream.counters;
         line += &format!(
-            "  streamed {}/{}, {} made up, {} lost, {} late",
-            stream.progress.received,
-            stream.progress.frames,
-            counters.concealed,
-            counters.lost,
-            counters.late
+            " of {}, {} made up, {} lost, {} late",
+            stream.progress.frames, counters.concealed, counters.lost, counters.late
         );
     }
     line += &format!(

@@ -71,16 +71,15 @@ impl<'a> Parts<'a> {
         self.clip.get(block.bytes.clone()).unwrap_or_default()
     }
 
-    /// The block to go on with after a break: the first that is missing, or where that is too late by now the next entry point.
-    fn resume(&self, progress: Progress) -> usize {
-        let wanted = |block: &Block| {
-            if progress.received >= progress.position {
-                block.first_frame + block.frames > progress.received
-            } else {
-                block.entry && block.first_frame >= progress.position
-            }
-        };
-        self.blocks.iter().position(wanted).unwrap_or(self.blocks.len())
+    /// The block to go on with after a break, of those from `next` on, which the device does not have: that one, or where it is too
+    /// late by now the next entry point.
+    fn resume(&self, progress: Progress, next: usize) -> usize {
+        let passed = |block: &Block| block.first_frame + block.frames <= progress.position;
+        if self.blocks.get(next).is_none_or(|block| !passed(block)) {
+            return next;
+        }
+        let entry = |block: &Block| block.entry && !passed(block);
+        self.blocks.iter().position(entry).unwrap_or(self.blocks.len())
     }
 }
 
@@ -200,7 +199,7 @@ impl Run<'_> {
         let Some(stream) = status.stream else {
             bail!("{} has lost the stream: it has restarted", client.name())
         };
-        self.next = self.parts.resume(stream.progress);
+        self.next = self.parts.resume(stream.progress, self.next);
         self.room = stream.progress.free_blocks;
         self.hold(client, self.settings.hold_millis)
     }
@@ -287,12 +286,13 @@ mod tests {
         assert!(parts.blocks[0].entry);
 
         // In time the next block follows; else the next entry point, if there is one.
-        let at = |position, received| {
-            parts.resume(Progress { position, received, frames: 480, free_blocks: 0, blocks: 8 })
+        let at = |position, next| {
+            parts.resume(Progress { position, received: 0, frames: 480, free_blocks: 0, blocks: 8 }, next)
         };
-        assert_eq!((at(0, 0), at(3, ends[0]), at(3, 480)), (0, 1, parts.blocks.len()));
-        let next = at(ends[0] + 1, ends[0]);
-        assert!(parts.blocks.get(next).is_none_or(|block| block.entry && block.first_frame > ends[0]));
+        let all = parts.blocks.len();
+        assert_eq!((at(0, 0), at(ends[0] - 1, 0), at(ends[0], 1), at(480, all)), (0, 0, 1, all));
+        let next = at(ends[0], 0);
+        assert!(parts.blocks.get(next).is_none_or(|block| block.entry && block.first_frame >= ends[0]));
         assert!(Parts::new(&clip[..clip.len() / 2]).is_err());
     }
 }
