@@ -51,10 +51,13 @@ fn refusal(result: Result<(), LinkError>) -> Refusal {
     }
 }
 
-/// Two clips uploaded, and a third one streamed over a line that breaks.
-fn a_session(map: &Map, clips: [&Clip; 3]) {
+/// Two clips uploaded, and a third one streamed over a line that breaks; `conceals`: it is so long that the device runs out of it.
+fn a_session(map: &Map, clips: [&Clip; 3], conceals: bool) {
     let [first, second, third] = clips.map(encode);
-    with_device(map, &Config::default(), |port| {
+    let (hold_millis, lost_millis) = if conceals { (0, 4500) } else { (1500, 60_000) };
+    let mut config = Config::default();
+    config.stream.lost_millis = lost_millis;
+    with_device(map, &config, |port| {
         let mut client = Client::open(port, BAUD).unwrap();
         assert_eq!(usize::from(client.hello().servos), map.joints().len());
         assert_eq!(client.hello().tick_hz, map.tick_hz());
@@ -100,7 +103,7 @@ fn a_session(map: &Map, clips: [&Clip; 3]) {
         // A stream whose line breaks: what is missing is made up, until the link counts as lost.
         let cutter = Cutter::start(port, usize::MAX);
         let parts = Parts::new(&third).unwrap();
-        let settings = streaming::Settings { hold_millis: 1500, patience: Duration::ZERO, plays: true };
+        let settings = streaming::Settings { hold_millis, patience: Duration::ZERO, plays: true };
         let mut cut = false;
         let failed = stream(cutter.port(), BAUD, &parts, settings, &mut |told| {
             // As soon as nothing more can wait in the device than is soon played.
@@ -111,6 +114,11 @@ fn a_session(map: &Map, clips: [&Clip; 3]) {
         });
         let error = format!("{:#}", failed.unwrap_err());
         assert!(error.contains("is broken"), "{error}");
+        if conceals {
+            let made = |told: &Telemetry| told.stream.map_or(0, |stream| stream.counters.concealed);
+            let told = until(&mut client, "without frames", |told| made(told) > 0 || told.fault.is_some());
+            assert_eq!((told.fault, told.state), (None, State::Playing), "first it makes up what is missing");
+        }
         let told = until(&mut client, "without a link", |told| told.fault.is_some());
         assert_eq!(told.fault, Some(Fault::LinkLost));
         until(&mut client, "stopped", |told| told.state == State::Holding);
@@ -128,7 +136,7 @@ fn a_session(map: &Map, clips: [&Clip; 3]) {
 #[test]
 fn the_sample_on_a_link() {
     let clip = sample::clip();
-    a_session(&map("sample.toml", &clip.skeleton), [&clip; 3]);
+    a_session(&map("sample.toml", &clip.skeleton), [&clip; 3], false);
 }
 
 #[test]
@@ -141,7 +149,7 @@ fn clips_of_cmu_on_a_link() {
         encoder::import::load(&cmu.join(format!("{trial}.amc")), Some(&skeleton), Some(120.0)).unwrap()
     };
     let clips = ["02_01", "49_04", "02_07"].map(load);
-    a_session(&map("cmu-12.toml", &clips[0].skeleton), [&clips[0], &clips[1], &clips[2]]);
+    a_session(&map("cmu-12.toml", &clips[0].skeleton), [&clips[0], &clips[1], &clips[2]], true);
 }
 
 #[test]
