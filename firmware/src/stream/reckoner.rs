@@ -16,8 +16,9 @@ pub const DECAY_MILLIS: u16 = 150;
 /// Time in ms over which velocities are averaged, as a time constant.
 pub const AVERAGE_MILLIS: u16 = 17;
 
-/// Time in ms of the fade back.
-pub const EASE_MILLIS: u16 = 250;
+/// Time in ms of the fade back at least. After a longer loss it takes as long as that: so a body that moved away is
+/// caught up with at about its own speed.
+pub const EASE_MILLIS: u16 = 100;
 
 /// How a gap is bridged, in frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +27,7 @@ pub struct Reckoning {
     pub keep: Fraction,
     /// Part of the newest movement in the velocity; the rest is the velocity before.
     pub newest: Fraction,
-    /// Frames of the fade.
+    /// Frames of the fade at least.
     pub ease: u16,
 }
 
@@ -66,8 +67,8 @@ enum Mode {
     Right,
     /// Without frames.
     Reckoned,
-    /// On the way back; so many frames ago it began.
-    Easing(u16),
+    /// On the way back, so many frames of so many.
+    Easing(u16, u16),
 }
 
 /// What a frame was made of.
@@ -86,6 +87,8 @@ pub enum Made {
 pub struct Reckoner<'s> {
     reckoning: Reckoning,
     mode: Mode,
+    /// Frames that were missing, and those that were left of the fade before.
+    away: u16,
     shown: &'s mut [I16F16],
     velocity: &'s mut [I16F16],
     ghost: &'s mut [I16F16],
@@ -96,7 +99,7 @@ impl<'s> Reckoner<'s> {
     /// Before the first frame. `poses` has four times the memory of a frame.
     pub fn new(poses: [&'s mut [I16F16]; 4], reckoning: Reckoning) -> Self {
         let [shown, velocity, ghost, ghost_velocity] = poses;
-        Self { reckoning, mode: Mode::Empty, shown, velocity, ghost, ghost_velocity }
+        Self { reckoning, mode: Mode::Empty, away: 0, shown, velocity, ghost, ghost_velocity }
     }
 
     /// The next frame, where there is one.
@@ -114,15 +117,22 @@ impl<'s> Reckoner<'s> {
             Mode::Reckoned => {
                 self.ghost.copy_from_slice(self.shown);
                 self.ghost_velocity.copy_from_slice(self.velocity);
-                self.ease(frame, 1)
+                let all = self.away.max(self.reckoning.ease);
+                self.ease(frame, 1, all)
             }
-            Mode::Easing(frames) => self.ease(frame, frames + 1),
+            Mode::Easing(done, all) => self.ease(frame, done + 1, all),
         };
         if self.mode == Mode::Right { Made::Right } else { Made::Eased }
     }
 
     /// The next frame, where there is none.
     pub fn missing(&mut self) -> Made {
+        let away = match self.mode {
+            Mode::Empty | Mode::Right => 0,
+            Mode::Reckoned => self.away,
+            Mode::Easing(done, all) => all - done,
+        };
+        self.away = away.saturating_add(1);
         self.mode = Mode::Reckoned;
         go_on(self.shown, self.velocity, self.reckoning.keep);
         Made::Reckoned
@@ -140,19 +150,19 @@ impl<'s> Reckoner<'s> {
         }
     }
 
-    fn ease(&mut self, frame: &[I16F16], frames: u16) -> Mode {
-        if frames >= self.reckoning.ease {
+    fn ease(&mut self, frame: &[I16F16], done: u16, all: u16) -> Mode {
+        if done >= all {
             self.show(frame);
             return Mode::Right;
         }
         go_on(self.ghost, self.ghost_velocity, self.reckoning.keep);
-        let path = least_jerk(Fraction::of(frames.into(), self.reckoning.ease.into()));
+        let path = least_jerk(Fraction::of(done.into(), all.into()));
         let channels = self.shown.iter_mut().zip(self.velocity.iter_mut()).zip(frame).zip(&*self.ghost);
         for (((shown, velocity), &right), &ghost) in channels {
             let eased = lerp(ghost.to_bits(), right.to_bits(), path);
             step(shown, velocity, eased, self.reckoning.newest);
         }
-        Mode::Easing(frames)
+        Mode::Easing(done, all)
     }
 }
 
