@@ -38,8 +38,8 @@ fn main() {
         write(&out, "map.postcard", &read(Path::new(&map)));
     }
 
-    // The map of memory, memory.x, is that of the default board: flash at 0, RAM at 0x2000_0000, 4 MiB of each.
-    println!("cargo:rustc-link-search={WORKSPACE}");
+    // The map of memory, memory.x, is that of QEMU's board: flash at 0, RAM at 0x2000_0000, 4 MiB of each.
+    println!("cargo:rustc-link-search={WORKSPACE}/firmware/boards/qemu-mps2");
     for argument in ["--nmagic", "-Tlink.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }

@@ -5,6 +5,7 @@ pub mod compare;
 pub mod decode;
 pub mod demo;
 pub mod encode;
+pub mod image;
 pub mod info;
 mod input;
 pub mod optimize;

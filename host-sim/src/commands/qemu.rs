@@ -19,7 +19,7 @@ pub struct Args {
     /// The image: an ELF file.
     image: PathBuf,
     /// QEMU's name of the board.
-    #[arg(long, default_value = board::MACHINE)]
+    #[arg(long, default_value = board::QEMU_MACHINE)]
     machine: String,
     /// Give up after so many seconds.
     #[arg(long, value_name = "SECONDS", default_value_t = 600)]
