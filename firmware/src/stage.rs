@@ -217,9 +217,11 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
     /// Goes on by a tick; false after the last frame of the last clip.
     pub(crate) fn advance(&mut self) -> Result<bool, Fault> {
         let damaged = |error| Fault::Clip { error };
-        let step = (256 * 1000u32).div_ceil(u32::from(PAUSE_MILLIS) * u32::from(self.map.tick_hz()));
         let wanted = if self.paused { Speed::PAUSED } else { self.wanted };
-        self.speed = self.speed.towards(wanted, u16::try_from(step).unwrap_or(u16::MAX));
+        if self.speed != wanted {
+            let step = (256 * 1000u32).div_ceil(u32::from(PAUSE_MILLIS) * u32::from(self.map.tick_hz()));
+            self.speed = self.speed.towards(wanted, u16::try_from(step).unwrap_or(u16::MAX));
+        }
         let Some(playing) = &mut self.current else { return Ok(false) };
         // The last frame has its tick as well.
         let ended = playing.voice.ended();
