@@ -22,3 +22,4 @@ pub mod protocol1;
 pub mod pwm;
 pub mod stage;
 pub mod voice;
+pub mod wearable;

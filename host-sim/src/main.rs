@@ -30,6 +30,7 @@ enum Command {
     Servos(commands::servos::Args),
     Rd(commands::rd::Args),
     Train(commands::train::Args),
+    Wearable(commands::wearable::Args),
 }
 
 /// Exit code of a check that failed, as against 2 for a usage error.
@@ -64,5 +65,6 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Servos(args) => commands::servos::run(args),
         Command::Rd(args) => commands::rd::run(args),
         Command::Train(args) => commands::train::run(args),
+        Command::Wearable(args) => commands::wearable::run(args),
     }
 }

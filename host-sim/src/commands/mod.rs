@@ -17,3 +17,4 @@ mod rd_psnr;
 pub mod servos;
 pub mod table1;
 pub mod train;
+pub mod wearable;

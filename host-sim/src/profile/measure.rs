@@ -6,7 +6,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use std::time::{Duration, Instant};
 
 /// Cycles that one call of the image may take: more than any clip's table takes to convert.
-const LIMIT: u64 = 2_000_000_000;
+pub(super) const LIMIT: u64 = 2_000_000_000;
 
 /// Where an image's memory begins: the memory.x of the board qemu-mps2.
 const FLASH: u32 = 0;
@@ -133,7 +133,7 @@ impl Runner {
 }
 
 /// Memory like that of the board qemu-mps2.
-fn board(wait_states: u32) -> Board {
+pub(super) fn board(wait_states: u32) -> Board {
     let mut flash = Region::new("flash", FLASH, BYTES, false);
     flash.waits.states = wait_states;
     Board { name: "profile", regions: vec![flash, Region::new("RAM", RAM, BYTES, true)], ..Board::bare() }
