@@ -27,3 +27,4 @@ pub mod stage;
 pub mod store;
 pub mod stream;
 pub mod voice;
+pub mod wearable;

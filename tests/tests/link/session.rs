@@ -173,7 +173,11 @@ fn an_upload_goes_on_over_lines_that_break() {
 #[test]
 fn a_stream_goes_on_over_lines_that_break_for_a_moment() {
     let clip = sample::clip();
-    let (bytes, map) = (encode(&clip), map("sample.toml", &clip.skeleton));
+    let map = map("sample.toml", &clip.skeleton);
+    // Larger than the device's buffer.
+    let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
+    let bytes = encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Bits(12));
+    assert!(bytes.len() > 16_384, "{} bytes", bytes.len());
     with_device(&map, &Config::default(), |port| {
         let cutter = Cutter::start(port, usize::MAX);
         let parts = Parts::new(&bytes).unwrap();
