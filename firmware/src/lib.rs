@@ -25,3 +25,4 @@ pub mod stage;
 pub mod store;
 pub mod stream;
 pub mod voice;
+pub mod wearable;

@@ -22,6 +22,7 @@ enum Command {
     Optimize(commands::optimize::Args),
     Play(commands::play::Args),
     Profile(commands::profile::Args),
+    Image(commands::image::Args),
     Qemu(commands::qemu::Args),
     Demo(commands::demo::Args),
     Bench(commands::bench::Args),
@@ -29,6 +30,7 @@ enum Command {
     Servos(commands::servos::Args),
     Rd(commands::rd::Args),
     Train(commands::train::Args),
+    Wearable(commands::wearable::Args),
 }
 
 /// Exit code of a check that failed, as against 2 for a usage error.
@@ -55,6 +57,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Optimize(args) => commands::optimize::run(args),
         Command::Play(args) => commands::play::run(args),
         Command::Profile(args) => commands::profile::run(args),
+        Command::Image(args) => commands::image::run(args),
         Command::Qemu(args) => commands::qemu::run(args),
         Command::Demo(args) => commands::demo::run(args),
         Command::Bench(args) => commands::bench::run(args),
@@ -62,5 +65,6 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Servos(args) => commands::servos::run(args),
         Command::Rd(args) => commands::rd::run(args),
         Command::Train(args) => commands::train::run(args),
+        Command::Wearable(args) => commands::wearable::run(args),
     }
 }
