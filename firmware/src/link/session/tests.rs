@@ -269,6 +269,8 @@ fn the_largest_answers_fit() {
         servos: core::iter::repeat_n(servo, MAX_SERVOS).collect(),
         ..telemetry(0, State::Limp)
     };
+    // What docs/LINK.md says of a device's memory.
+    assert!(size_of::<Session>() <= 3400, "{} bytes", size_of::<Session>());
     let len = |answer: Answer| postcard::to_slice(&answer, &mut [0; 4000]).unwrap().len();
     assert!(len(Answer::Event(Event::Telemetry(most))) <= ANSWER_BYTES);
     let mut hello = Hello {
