@@ -4,7 +4,7 @@
 //! flash is one bounded step a tick ([`Store::step`], or the pages of one request), and a request is answered in the tick
 //! in which it is read: where more steps are needed with [`Response::Again`].
 
-use crate::clips::Clips;
+use crate::clips::{Clips, LIVE};
 use crate::fault::Feedback;
 use crate::link::message::{
     ClipInfo, Hello, LinkCounts, Playing, Refusal, Request, Response, ServoInfo, Streaming, Telemetry,
@@ -141,6 +141,8 @@ impl Device {
             return Err(Refusal::Moving);
         }
         match *request {
+            // The stream's number.
+            Request::Begin { clip: LIVE, .. } => Err(Refusal::Reserved),
             Request::Hello { .. } => Ok(Response::Hello(self.hello(machine))),
             Request::Command(command) => command_machine(command, machine),
             Request::Clip { index } => Ok(Response::Clip(info(machine.library(), index))),

@@ -280,7 +280,7 @@ pub enum Refusal {
     Stream(StreamError),
     /// It has no flash for clips.
     NoStore,
-    /// [`Command::LinkLost`] is the device's own.
+    /// [`Command::LinkLost`] and the clip [`LIVE`](crate::clips::LIVE) are the device's own.
     Reserved,
 }
 
@@ -297,7 +297,7 @@ impl fmt::Display for Refusal {
             Self::Store(error) => error.fmt(f),
             Self::Stream(error) => error.fmt(f),
             Self::NoStore => f.write_str("the device has no flash for clips"),
-            Self::Reserved => f.write_str("this command is the device's own"),
+            Self::Reserved => f.write_str("this command or clip number is the device's own"),
         }
     }
 }

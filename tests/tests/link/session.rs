@@ -130,6 +130,8 @@ fn a_session(map: &Map, clips: [&Clip; 3], conceals: bool) {
         client.command(play).unwrap();
         until(&mut client, "played", plays(4));
         assert_eq!(refusal(client.command(Command::LinkLost)), Refusal::Reserved);
+        let stream = Upload { clip: LIVE, name: "stream", bytes: &first };
+        assert_eq!(refusal(upload(&mut client, stream, &mut |_| ())), Refusal::Reserved);
     });
 }
 
