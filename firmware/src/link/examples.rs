@@ -18,7 +18,7 @@ use std::string::String;
 fn line(table: &mut String, what: &str, number: u16, message: &impl Serialize) {
     let mut buffer = [0; 200];
     let frame = write(number, message, &mut buffer).unwrap();
-    let hex: std::vec::Vec<String> = frame.iter().map(|byte| std::format!("{byte:02x}")).collect();
+    let hex: Vec<String> = frame.iter().map(|byte| std::format!("{byte:02x}")).collect();
     writeln!(table, "| {what} | {number} | `{}` |", hex.join(" ")).unwrap();
 }
 
