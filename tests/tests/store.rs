@@ -136,9 +136,13 @@ fn cut(flash: &mut Small, deed: &Deed, cut: u64, tear: Tear) -> bool {
 
 #[test]
 fn a_cut_and_another_one_in_the_recovery_leave_the_old_clips_or_the_new_ones() {
-    let base = started();
+    let first = || Deed::Upload(2, vector("mulaw.mclip"));
+    // Flash that held anything before.
+    let anything = (0..SECTORS * SECTOR).map(|at| (at * at / 7) as u8).collect();
+    let used = deeds().into_iter().map(|deed| (started(), deed));
+    let cases_of = used.chain([(Small::new(SECTORS), first()), (Small::from_image(anything), first())]);
     let mut cases = 0;
-    for deed in deeds() {
+    for (base, deed) in cases_of {
         let old = contents(&mut base.clone());
         let new = after(old.clone(), &deed);
         let check = |flash: &mut Small| {

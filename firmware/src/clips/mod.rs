@@ -35,7 +35,7 @@ use crate::stream::Live;
 use crate::voice::{Frames, PlayError};
 use decoder_core::{Error, I16F16};
 
-/// The clip number of the live stream.
+/// The clip number of the live stream. A clip that is stored with this number is never played.
 pub const LIVE: u16 = u16::MAX;
 
 /// The clips, by number: those in the store, then those linked into the image (from 0), and [`LIVE`].
@@ -92,8 +92,11 @@ impl<'t, 's, F: Mapped> Library for Clips<'t, 's, F> {
     type Frames = Playing<'t, 's>;
 
     fn open(&mut self, clip: u16) -> Result<Playing<'t, 's>, PlayError> {
-        let lease = self.store.as_mut().and_then(|store| store.lease(clip));
-        let linked = self.linked.get(usize::from(clip)).copied();
+        let lease = match &mut self.store {
+            Some(store) if clip != LIVE => store.lease(clip),
+            _ => None,
+        };
+        let linked = self.linked.get(usize::from(clip)).copied().filter(|_| clip != LIVE);
         let bytes = lease.as_ref().map(Lease::bytes).or(linked);
         if bytes.is_none() && clip != LIVE {
             return Err(PlayError::NoClip { clip });
