@@ -52,23 +52,12 @@ pub struct Device {
     ticks: u32,
     missed: u32,
     busy: u32,
-    busiest: u32,
 }
 
 impl Device {
     /// A device that was turned on.
     pub const fn new(identity: Identity) -> Self {
-        Self {
-            identity,
-            job: Job::None,
-            ended: None,
-            wrote: false,
-            millis: 0,
-            ticks: 0,
-            missed: 0,
-            busy: 0,
-            busiest: 0,
-        }
+        Self { identity, job: Job::None, ended: None, wrote: false, millis: 0, ticks: 0, missed: 0, busy: 0 }
     }
 
     /// Once a tick, before the links are served: goes on with work on flash by a step, and looks whether the live stream has
@@ -86,7 +75,7 @@ impl Device {
         self.millis = millis;
         self.ticks = self.ticks.wrapping_add(1);
         self.missed = self.missed.saturating_add(u32::from(feedback.late));
-        (self.busy, self.busiest) = (busy, self.busiest.max(busy));
+        self.busy = busy;
         let live = machine.library().live();
         // Where the buffer is full nobody can send.
         let waits = live.progress().free_blocks > 0;
@@ -111,13 +100,13 @@ impl Device {
         feedback: &Feedback<'_>,
     ) {
         let now = self.millis;
+        session.busy(self.busy);
         session.serve(bytes, now, |request| self.answer(request, machine).unwrap_or_else(Response::Refused));
         if session.lost(now) {
             let _ = machine.command(Command::LinkLost);
         }
         if session.telemetry_due(now, machine.state(), machine.fault()) {
             session.tell(self.telemetry(machine, feedback));
-            self.busiest = 0;
         }
     }
 
@@ -287,7 +276,8 @@ impl Device {
             ticks: self.ticks,
             missed: self.missed,
             busy: self.busy,
-            busiest: self.busiest,
+            // The link's own, as its counts.
+            busiest: 0,
             bus: feedback.bus.err(),
             stream: (stream.progress.frames > 0).then_some(stream),
             link: LinkCounts::default(),

@@ -9,3 +9,6 @@
 pub mod frame;
 pub mod message;
 pub mod session;
+
+#[cfg(test)]
+mod examples;

@@ -35,6 +35,7 @@ pub struct Session {
     told: u32,
     told_of: Option<(State, Option<Fault>)>,
     events: u16,
+    busiest: u32,
     counts: LinkCounts,
 }
 
@@ -58,6 +59,7 @@ impl Session {
             told: 0,
             told_of: None,
             events: 0,
+            busiest: 0,
             counts: LinkCounts { damaged: 0, repeated: 0, unknown: 0, dropped: 0 },
         }
     }
@@ -151,10 +153,15 @@ impl Session {
                 || self.told_of != Some((state, fault)))
     }
 
+    /// Notes what a tick took, for the next telemetry.
+    pub fn busy(&mut self, cycles: u32) {
+        self.busiest = self.busiest.max(cycles);
+    }
+
     /// Sends telemetry, with this link's own counts. It is dropped where the line is busy.
     pub fn tell(&mut self, mut telemetry: Telemetry) {
         (self.told, self.told_of) = (telemetry.millis, Some((telemetry.state, telemetry.fault)));
-        telemetry.link = self.counts;
+        (telemetry.link, telemetry.busiest) = (self.counts, core::mem::take(&mut self.busiest));
         self.events = self.events.wrapping_add(1);
         // Responses go first.
         let room = self.out.capacity() - self.out.len();

@@ -120,9 +120,7 @@ impl Next {
         let header = core::iter::once(self.directory.header.encode());
         let records = snapshot(flash, layout, self.old, &self.change).map(|entry| entry.encode());
         let these = header.chain(records).skip(*left as usize * PER_PAGE);
-        for (place, record) in page.chunks_exact_mut(RECORD_BYTES).zip(these) {
-            place.copy_from_slice(&record);
-        }
+        page.as_chunks_mut().0.iter_mut().zip(these).for_each(|(place, record)| *place = record);
         Some(*left)
     }
 

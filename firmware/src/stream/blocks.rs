@@ -108,10 +108,11 @@ impl<'s> Blocks<'s> {
         let free = |place: &usize| self.waiting.iter().all(|waiting| waiting.place != *place);
         let Some(place) = (0..self.places()).find(free) else { return Taken::Full };
         let at = self.header + place * self.place;
-        match self.memory.get_mut(at..at + bytes.len()) {
-            Some(slot) if bytes.len() <= self.place => slot.copy_from_slice(bytes),
-            _ => return Taken::Full,
+        let places = self.memory.get_mut(at..at + self.place).unwrap_or_default();
+        if bytes.len() > places.len() {
+            return Taken::Full;
         }
+        places.iter_mut().zip(bytes).for_each(|(place, &byte)| *place = byte);
         if self.waiting.push(Waiting { header, place }).is_err() {
             return Taken::Full;
         }

@@ -107,7 +107,7 @@ impl<'s> Reckoner<'s> {
         self.mode = match self.mode {
             Mode::Empty => {
                 self.velocity.fill(I16F16::ZERO);
-                self.shown.iter_mut().zip(frame).for_each(|(shown, &right)| *shown = right);
+                copy(frame, self.shown);
                 Mode::Right
             }
             Mode::Right => {
@@ -115,8 +115,8 @@ impl<'s> Reckoner<'s> {
                 Mode::Right
             }
             Mode::Reckoned => {
-                self.ghost.copy_from_slice(self.shown);
-                self.ghost_velocity.copy_from_slice(self.velocity);
+                copy(self.shown, self.ghost);
+                copy(self.velocity, self.ghost_velocity);
                 let all = self.away.max(self.reckoning.ease);
                 self.ease(frame, 1, all)
             }
@@ -164,6 +164,10 @@ impl<'s> Reckoner<'s> {
         }
         Mode::Easing(done, all)
     }
+}
+
+fn copy(from: &[I16F16], to: &mut [I16F16]) {
+    to.iter_mut().zip(from).for_each(|(to, &from)| *to = from);
 }
 
 /// Shows a value, and takes in how far it is from the one before.

@@ -104,6 +104,7 @@ pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> b
         start: Instant::now(),
         woken: Instant::now(),
         busy: Duration::ZERO,
+        late: false,
     };
     embassy_futures::block_on(drive(&mut machine, &mut bus, &mut surroundings));
     Ok(())
@@ -158,6 +159,7 @@ struct RealTime<'a> {
     /// When the tick began.
     woken: Instant,
     busy: Duration,
+    late: bool,
 }
 
 impl Surroundings<Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS> for RealTime<'_> {
@@ -167,12 +169,12 @@ impl Surroundings<Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS> for RealTime<'_> {
         let (this, next) = (due(tick), due(tick.wrapping_add(1)));
         std::thread::sleep(this.saturating_duration_since(Instant::now()));
         self.woken = Instant::now();
-        let late = self.woken >= next;
-        if late {
-            // What an operating system does with its time is no fault of the puppet: the ticks after this one are in time.
+        self.late = self.woken >= next;
+        if self.late {
             self.start += self.woken - this;
         }
-        late
+        // Hosts see it, but what an operating system does with its time is no fault of the puppet.
+        false
     }
 
     fn control(
@@ -182,7 +184,8 @@ impl Surroundings<Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS> for RealTime<'_> {
     ) -> bool {
         let Self { device, lines, .. } = self;
         let millis = micros(self.power_on.elapsed()) / 1000;
-        device.tick(machine, feedback, millis as u32, micros(self.busy) as u32);
+        let told = Feedback { late: self.late, ..*feedback };
+        device.tick(machine, &told, millis as u32, micros(self.busy) as u32);
         lines.serve(|session, bytes| device.serve(session, bytes, machine, feedback));
         !(self.ended)()
     }

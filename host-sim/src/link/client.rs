@@ -237,13 +237,18 @@ impl Client {
         }
     }
 
+    /// Forgets what the device has said unasked.
+    pub fn forget_events(&mut self) {
+        self.events.clear();
+    }
+
     /// What the device is now: telemetry that was sent after this call.
     ///
     /// # Errors
     /// As [`request`](Self::request).
     pub fn status(&mut self) -> Result<Telemetry, LinkError> {
         self.done(&Request::Telemetry { millis: u16::MAX })?;
-        self.events.clear();
+        self.forget_events();
         let telemetry = self.telemetry(ANSWER_TIME * TRIES)?;
         self.done(&Request::Telemetry { millis: 0 })?;
         telemetry.ok_or_else(|| LinkError::Silent {

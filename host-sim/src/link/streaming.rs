@@ -121,6 +121,7 @@ pub fn stream(
         settings,
         next: 0,
         room: 0,
+        full: 0,
         started: false,
         heard: Instant::now(),
         report: Report { blocks: 0, breaks: 0, last: None },
@@ -169,6 +170,8 @@ struct Run<'a> {
     next: usize,
     /// Blocks that the device has room for.
     room: u16,
+    /// Blocks for which there was none.
+    full: u32,
     started: bool,
     /// When the device heard of us last.
     heard: Instant,
@@ -209,6 +212,7 @@ impl Run<'_> {
         match client.request(request)? {
             Response::Stream(stream) => {
                 self.room = stream.progress.free_blocks;
+                self.full = stream.counters.overflowed;
                 self.heard = Instant::now();
                 Ok(())
             }
@@ -223,7 +227,13 @@ impl Run<'_> {
                 break;
             }
             let bytes = self.parts.bytes(block);
+            let full = self.full;
             self.ask(client, &Request::Packet { bytes })?;
+            // What was said before the device had it says nothing of the room that there is now.
+            client.forget_events();
+            if self.full > full {
+                break;
+            }
             self.next += 1;
             self.report.blocks += 1;
         }

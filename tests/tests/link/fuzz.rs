@@ -32,9 +32,9 @@ fn forever<T>(memory: T) -> &'static mut T {
     Box::leak(Box::new(memory))
 }
 
-type Shelf = Clips<'static, 'static, Flash<SECTOR>>;
+pub type Shelf = Clips<'static, 'static, Flash<SECTOR>>;
 
-fn shelf() -> Shelf {
+pub fn shelf() -> Shelf {
     let pose = || &mut forever([I16F16::ZERO; CHANNELS])[..];
     let poses = [pose(), pose(), pose(), pose()];
     let player = PlayerMemory { header: forever([0; 4096]), block: forever([0; 1040]), poses };

@@ -173,7 +173,11 @@ fn an_upload_goes_on_over_lines_that_break() {
 #[test]
 fn a_stream_goes_on_over_lines_that_break_for_a_moment() {
     let clip = sample::clip();
-    let (bytes, map) = (encode(&clip), map("sample.toml", &clip.skeleton));
+    let map = map("sample.toml", &clip.skeleton);
+    // Larger than the device's buffer.
+    let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
+    let bytes = encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Bits(12));
+    assert!(bytes.len() > 12_000, "{} bytes", bytes.len());
     with_device(&map, &Config::default(), |port| {
         let cutter = Cutter::start(port, usize::MAX);
         let parts = Parts::new(&bytes).unwrap();
@@ -234,5 +238,38 @@ fn a_pseudo_terminal_is_a_serial_port() {
         ended.store(true, Ordering::Relaxed);
         device.join().unwrap().unwrap();
         uploaded.unwrap();
+    });
+}
+
+/// A client in Python, written from docs/LINK.md, which sends each frame twice.
+#[test]
+fn a_stranger_uploads_and_plays() {
+    if !bunraku_tests::require_program("python3") {
+        return;
+    }
+    let clip = sample::clip();
+    let map = map("sample.toml", &clip.skeleton);
+    let folder = tempfile::tempdir().unwrap();
+    let (path, bytes) = (folder.path().join("sample.mclip"), encode(&clip));
+    std::fs::write(&path, &bytes).unwrap();
+    with_device(&map, &Config::default(), |port| {
+        let peer = bunraku_tests::workspace().join("tests/peers/link.py");
+        let mut python = std::process::Command::new("python3");
+        python.arg(peer).arg(port.strip_prefix("tcp:").unwrap()).arg(path);
+        let output = python.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(said["device"]["servos"], map.joints().len());
+        assert_eq!(said["clips"][0]["crc"], firmware::link::frame::crc32([&bytes[..]]));
+        assert_eq!(said["clips"].as_array().unwrap().len(), 1);
+        assert!(said["frames"].as_u64().unwrap() >= 100, "{said}");
+        let last = &said["last"];
+        assert!(last["repeated"].as_u64().unwrap() > 0, "{last}");
+        for (servo, joint) in last["servos"].as_array().unwrap().iter().zip(map.joints()) {
+            assert_eq!(servo["id"], joint.id);
+            let goal = servo["goal"].as_i64().unwrap() as i32;
+            assert!((joint.min..=joint.max).contains(&goal), "{servo}");
+            assert_eq!(servo["reading"]["millivolts"], 12_000);
+        }
     });
 }
