@@ -21,7 +21,7 @@ pub struct Board {
     source: &'static str,
     /// Rust's target.
     target: &'static str,
-    /// Bytes of its flash and its RAM, as in its memory.x.
+    /// Bytes of its flash for the image and of its RAM, as in its memory.x.
     flash: u64,
     ram: u64,
 }
@@ -43,7 +43,7 @@ pub const RP2040: Board = Board {
     name: "rp2040",
     source: "firmware/boards/rp2040",
     target: "thumbv6m-none-eabi",
-    flash: 2 * MB,
+    flash: MB,
     ram: 264 * KB,
 };
 
@@ -55,7 +55,7 @@ pub const BOARDS: [Board; 5] = [
         name: "rp2350",
         source: "firmware/boards/rp2350",
         target: "thumbv8m.main-none-eabi",
-        flash: 4 * MB,
+        flash: MB,
         ram: 512 * KB,
     },
     Board {

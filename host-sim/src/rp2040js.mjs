@@ -1,37 +1,44 @@
-// Runs an image for the Raspberry Pi Pico on rp2040js, with the servo bus on UART 0.
+// Runs an image for the Raspberry Pi Pico on rp2040js, with the servo bus on UART 0 and a host on UART 1.
 //
-// Usage: node rp2040js.mjs RP2040JS FLASH RTT SECONDS
+// Usage: node rp2040js.mjs RP2040JS FLASH RTT SECONDS [host]
 //   RP2040JS  folder of the npm package
 //   FLASH     file with the bytes from address 0x10000000 on
 //   RTT       address of the control block of SEGGER's RTT, by which the image logs
 //   SECONDS   simulated time after which this gives up
+//   host      whether there is a host, with which bytes are exchanged every simulated millisecond
 //
 // Standard output has messages: a kind (1 byte), a length (4 bytes, little-endian), that many bytes.
 //   0  the image has sent these on the bus. Standard input then brings the answer: a length (4 bytes), that many bytes;
 //      the length 0xffffffff ends the simulation
 //   1  the image has logged these
 //   2  the last one: figures, as JSON
+//   3  a millisecond has gone by, in which the image has sent these to the host. The answer is as that of 0
 //
 // What rp2040js 1.4.1 does not have, and what is done about it:
-// - The boot ROM is not run, and neither is the second stage boot loader: the core starts at the image's vectors.
+// - There is no boot ROM. Its functions that embassy's flash driver calls are written here, with the time that erasing and writing take (Winbond
+//   W25Q16JV, typical). The second stage boot loader is not run: the core starts at the image's vectors.
 // - Its UART sends in no time, raises its transmit interrupt for ever and has neither a FIFO to send nor a receive timeout, so
 //   that embassy's driver never leaves the interrupt. The one below is written from the RP2040 datasheet, section 4.2.
 // - All clocks are there at once, and the core runs at 125 MHz from the start.
-// - Voltage regulator and ring oscillator are registers that read as ones.
+// - Voltage regulator and ring oscillator are registers that read as ones; the flash cache's read as zeros.
 // - An input that nothing drives is low, whatever pulls it up.
 // - SEV does nothing. Here it wakes WFE, as on the chip. Time asleep is skipped.
 import { readFileSync, readSync, writeSync } from "node:fs";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
 
-const [folder, flash, rtt, seconds] = process.argv.slice(2);
+const [folder, flash, rtt, seconds, host] = process.argv.slice(2);
 const index = pathToFileURL(join(folder, "dist/esm/index.js"));
 const { BasePeripheral, GPIOPinState, RP2040 } = await import(index);
 
 const VECTORS = 0x10000100;
+const ROM_BYTES = 0x4000;
 const CYCLE_NANOS = 8;
-const UART0 = 0x40034;
-const UART0_INTERRUPT = 20;
+const UARTS = [
+  { name: "UART0", address: 0x40034, interrupt: 20 },
+  { name: "UART1", address: 0x40038, interrupt: 21 },
+];
+const XIP_CONTROL = 0x14000;
 const DIRECTION_PIN = 2;
 const TRIGGER_PIN = 3;
 // What a servo with a return delay of 0 needs to answer. Until then the bus must have changed its direction.
@@ -40,6 +47,8 @@ const ANSWER_NANOS = 10_000;
 const LOG = 1;
 const FIGURES = 2;
 const SENT = 0;
+const HOST = 3;
+const HOST_NANOS = 1e6;
 const END = 0xffffffff;
 
 function put(kind, bytes) {
@@ -79,6 +88,15 @@ chip.logger = {
   },
 };
 
+// What the other side answers; none where it ends the simulation.
+function ask(kind, bytes) {
+  log();
+  put(kind, bytes);
+  const length = take(4).readUInt32LE(0);
+  running &&= length !== END;
+  return length === END ? [] : take(length);
+}
+
 // The half-duplex line to the servos.
 const line = {
   packet: [],
@@ -98,14 +116,15 @@ const line = {
   },
   // Nothing more is on its way.
   idle() {
-    log();
-    put(SENT, this.packet);
+    const answer = ask(SENT, this.packet);
     this.packet = [];
-    const length = take(4).readUInt32LE(0);
-    if (length === END) {
-      running = false;
-    } else if (length > 0) {
-      uart.receive(take(length), ANSWER_NANOS);
+    if (answer.length > 0) {
+      bus.receive(answer, ANSWER_NANOS);
+    }
+  },
+  arrives() {
+    if (this.sending()) {
+      throw new Error(`a servo answers while the direction pin, GPIO ${DIRECTION_PIN}, is high`);
     }
   },
   turned() {
@@ -116,6 +135,16 @@ const line = {
   },
 };
 chip.gpio[DIRECTION_PIN].addListener(() => line.turned());
+
+// The line to the host.
+const hostLine = {
+  bytes: [],
+  sent(byte) {
+    this.bytes.push(byte);
+  },
+  idle() {},
+  arrives() {},
+};
 
 // Arm's PL011 as in the RP2040: FIFOs of 32 bytes, always on; 8 data bits, no parity, no errors but overrun.
 class Uart extends BasePeripheral {
@@ -136,8 +165,10 @@ class Uart extends BasePeripheral {
   coming = [];
   overrun = false;
 
-  constructor(rp2040) {
-    super(rp2040, "UART0");
+  constructor(rp2040, { name, interrupt }, wire) {
+    super(rp2040, name);
+    this.interrupt = interrupt;
+    this.wire = wire;
     this.shifted = clock.createAlarm(() => this.shift());
     this.arrived = clock.createAlarm(() => this.arrive());
     this.silent = clock.createAlarm(() => this.raise(Uart.TIMEOUT));
@@ -161,7 +192,7 @@ class Uart extends BasePeripheral {
   }
 
   update() {
-    chip.setInterrupt(UART0_INTERRUPT, (this.raised & this.registers[0x38]) !== 0);
+    chip.setInterrupt(this.interrupt, (this.raised & this.registers[0x38]) !== 0);
   }
 
   // Takes the next byte to the line. The interrupt comes when the FIFO falls to its level.
@@ -174,12 +205,12 @@ class Uart extends BasePeripheral {
   }
 
   shift() {
-    line.sent(this.shifting);
+    this.wire.sent(this.shifting);
     this.shifting = null;
     if (this.out.length > 0) {
       this.next();
     } else {
-      line.idle();
+      this.wire.idle();
     }
   }
 
@@ -193,9 +224,7 @@ class Uart extends BasePeripheral {
 
   // A byte's stop bit.
   arrive() {
-    if (line.sending()) {
-      throw new Error(`a servo answers while the direction pin, GPIO ${DIRECTION_PIN}, is high`);
-    }
+    this.wire.arrives();
     const byte = this.coming.shift();
     if (this.in.length < Uart.FIFO) {
       this.in.push(byte | (this.overrun ? 1 << 11 : 0));
@@ -268,9 +297,73 @@ class Uart extends BasePeripheral {
   }
 }
 
-const uart = new Uart(chip);
-chip.uart[0] = uart;
-chip.peripherals[UART0] = uart;
+const [bus, hostUart] = [line, hostLine].map((wire, number) => {
+  const uart = new Uart(chip, UARTS[number], wire);
+  chip.uart[number] = uart;
+  chip.peripherals[UARTS[number].address] = uart;
+  return uart;
+});
+
+// The flash cache's registers, which are not there: nothing is being read ahead.
+class Idle extends BasePeripheral {
+  readUint32() {
+    return 0;
+  }
+}
+chip.peripherals[XIP_CONTROL] = new Idle(chip, "XIP_CTRL");
+
+if (host !== undefined) {
+  const exchange = clock.createAlarm(() => {
+    const bytes = ask(HOST, hostLine.bytes);
+    hostLine.bytes = [];
+    if (bytes.length > 0) {
+      hostUart.receive(bytes, 0);
+    }
+    exchange.schedule(HOST_NANOS);
+  });
+  exchange.schedule(HOST_NANOS);
+}
+
+// The boot ROM's functions (RP2040 datasheet, section 2.8.3), by their codes: a table that nobody reads, and one that looks
+// functions up. Whatever is called there returns at once.
+const ERASE_NANOS = 45e6;
+const PROGRAM_NANOS = 0.4e6;
+const rom = {
+  // Look a function up: its address by its code.
+  0x100() {
+    const code = String.fromCharCode(core.registers[1] & 0xff, (core.registers[1] >> 8) & 0xff);
+    const found = { IF: 0x111, EX: 0x111, FC: 0x111, RE: 0x121, RP: 0x131, C4: 0x141 }[code];
+    if (found === undefined) {
+      throw new Error(`the image looks for function ${code} of the boot ROM, which is not here`);
+    }
+    core.registers[0] = found;
+  },
+  // Flash is always connected, and there is no cache.
+  0x110() {},
+  // Erase sectors: address, bytes.
+  0x120() {
+    const [address, length] = core.registers;
+    chip.flash.fill(0xff, address, address + length);
+    clock.tick((length / 4096) * ERASE_NANOS);
+  },
+  // Write pages: address, data, bytes. Ones become zeros, and nothing becomes ones.
+  0x130() {
+    const [address, data, length] = core.registers;
+    for (let at = 0; at < length; at++) {
+      chip.flash[address + at] &= chip.readUint8(data + at);
+    }
+    clock.tick((length / 256) * PROGRAM_NANOS);
+  },
+  // Copy words: to, from, bytes.
+  0x140() {
+    const [to, from, length] = core.registers;
+    for (let at = 0; at < length; at += 4) {
+      chip.writeUint32(to + at, chip.readUint32(from + at));
+    }
+  },
+};
+new DataView(chip.bootrom.buffer).setUint32(0x14, 0x00f0, true);
+new DataView(chip.bootrom.buffer).setUint32(0x18, 0x0101, true);
 
 // Takes what is new out of RTT's first buffer (SEGGER UM08001, section 16.3).
 function log() {
@@ -290,7 +383,7 @@ function log() {
 const WATCHDOG = 0x40058;
 chip.peripherals[WATCHDOG].onWatchdogTrigger = () => {
   log();
-  throw new Error("the watchdog was not fed");
+  throw new Error(`the watchdog was not fed, at 0x${core.PC.toString(16)} from 0x${core.LR.toString(16)}`);
 };
 // Nobody presses the button.
 chip.gpio[TRIGGER_PIN].setInputValue(true);
@@ -309,6 +402,13 @@ while (running) {
       throw new Error("the core sleeps, and nothing will wake it");
     }
     clock.tick(clock.nanosToNextAlarm);
+  } else if (core.PC < ROM_BYTES) {
+    const call = rom[core.PC];
+    if (call === undefined) {
+      throw new Error(`the image has called 0x${core.PC.toString(16)}, where no function of the boot ROM is`);
+    }
+    call();
+    core.PC = core.LR & ~1;
   } else {
     const spent = core.executeInstruction();
     cycles += spent;

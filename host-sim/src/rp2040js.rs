@@ -1,4 +1,4 @@
-//! Runs an image for the Raspberry Pi Pico on the emulator rp2040js, with a device on its UART 0.
+//! Runs an image for the Raspberry Pi Pico on the emulator rp2040js, with servos on its UART 0 and a host on its UART 1.
 //!
 //! What rp2040js lacks is written at the top of rp2040js.mjs, which runs in Node.js.
 
@@ -37,18 +37,25 @@ pub struct Figures {
     pub turnaround_nanos: u64,
 }
 
-/// Runs an image until it logs that the puppet rests. `package` is the folder of the npm package rp2040js.
+/// What is on the other end of a UART: takes bytes, gives the bytes that it answers.
+pub type Device<'d> = dyn FnMut(&[u8]) -> Vec<u8> + 'd;
+
+/// What is on the other end of the host's line, once a simulated millisecond; none ends the simulation.
+pub type Host<'d> = dyn FnMut(&[u8]) -> Option<Vec<u8>> + 'd;
+
+/// Runs an image until it logs that the puppet rests or, with a host, until that ends it. `package` is the folder of the npm
+/// package rp2040js.
 ///
-/// `device` takes what was sent on the bus when the line falls silent, and gives the answer. `log` gets every line that the
-/// image logs.
+/// `servos` take what was sent on the bus when the line falls silent, and give the answer. `log` gets every line that the image logs.
 ///
 /// # Errors
-/// A sentence that says what is missing or went wrong: no Node.js, no package, an error in the image's log, no end within
-/// `limit` of simulated time.
+/// A sentence that says what is missing or went wrong: no Node.js, no package, an error in the image's log (with a host that is
+/// not the end), no end within `limit` of simulated time.
 pub fn run(
     elf: &[u8],
     package: &Path,
-    device: &mut dyn FnMut(&[u8]) -> Vec<u8>,
+    servos: &mut Device<'_>,
+    host: Option<&mut Host<'_>>,
     limit: Duration,
     log: &mut dyn FnMut(&str),
 ) -> Result<Figures> {
@@ -62,7 +69,7 @@ pub fn run(
     image.load(&mut memory).map_err(|error| anyhow!(error))?;
     let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
     let (flash, script) = (folder.path().join("flash.bin"), folder.path().join("rp2040js.mjs"));
-    let bytes = memory.bytes(FLASH, FLASH_BYTES).ok_or_else(|| anyhow!("the board has no flash"))?;
+    let bytes = memory.bytes(FLASH, IMAGE_BYTES).ok_or_else(|| anyhow!("the board has no flash"))?;
     std::fs::write(&flash, bytes).context("cannot write a temporary file")?;
     std::fs::write(&script, SCRIPT).context("cannot write a temporary file")?;
     // A file and not a pipe: nobody reads it before the end.
@@ -71,13 +78,14 @@ pub fn run(
         .arg(script)
         .args([package, &flash])
         .args([rtt.to_string(), limit.as_secs().to_string()])
+        .args(host.is_some().then_some("host"))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(complaints.try_clone().context("cannot write a temporary file")?)
         .spawn()
         .context("cannot start node, which runs rp2040js (Debian's package nodejs)")?;
     let mut emulator = Emulator { child, log: Log::new(elf)?, rests: false, failed: None };
-    let figures = emulator.serve(device, log);
+    let figures = emulator.serve(servos, host, log);
     drop(emulator);
     figures.map_err(|error| {
         let mut said = String::new();
@@ -90,8 +98,8 @@ pub fn run(
     })
 }
 
-/// Bytes of the Pico's flash.
-const FLASH_BYTES: usize = 2 << 20;
+/// Bytes of the Pico's flash that are the image's. The others, for clips, are erased.
+const IMAGE_BYTES: usize = 1 << 20;
 
 /// What a script that failed said about it.
 fn thrown(said: &str) -> Option<&str> {
@@ -116,10 +124,11 @@ impl Drop for Emulator {
 }
 
 impl Emulator {
-    /// Serves messages until the puppet rests.
+    /// Serves messages until the end.
     fn serve(
         &mut self,
-        device: &mut dyn FnMut(&[u8]) -> Vec<u8>,
+        servos: &mut Device<'_>,
+        mut host: Option<&mut Host<'_>>,
         log: &mut dyn FnMut(&str),
     ) -> Result<Figures> {
         let (Some(mut from), Some(mut to)) = (self.child.stdout.take(), self.child.stdin.take()) else {
@@ -131,23 +140,26 @@ impl Emulator {
                 Err(error) if error.kind() == ErrorKind::UnexpectedEof => bail!("rp2040js has ended early"),
                 Err(error) => return Err(error).context("cannot read from rp2040js"),
             };
-            match message {
-                (0, _) if self.rests => to.write_all(&u32::MAX.to_le_bytes()),
-                (0, bytes) => {
-                    let answer = device(&bytes);
-                    to.write_all(&u32::try_from(answer.len())?.to_le_bytes())
-                        .and_then(|()| to.write_all(&answer))
-                }
+            let answer = match message {
+                (0, _) if self.rests && host.is_none() => None,
+                (0, bytes) => Some(servos(&bytes)),
                 (1, bytes) => {
                     self.hear(&bytes, log)?;
-                    Ok(())
+                    match self.failed.take() {
+                        Some(failed) if host.is_none() => bail!("the board logs: {failed}"),
+                        _ => continue,
+                    }
                 }
-                (_, bytes) => return serde_json::from_slice(&bytes).context("rp2040js' figures"),
-            }
-            .context("cannot write to rp2040js")?;
-            if let Some(failed) = self.failed.take() {
-                bail!("the board logs: {failed}");
-            }
+                (2, bytes) => return serde_json::from_slice(&bytes).context("rp2040js' figures"),
+                (_, bytes) => host.as_mut().and_then(|host| host(&bytes)),
+            };
+            let length = match &answer {
+                Some(answer) => u32::try_from(answer.len())?,
+                None => u32::MAX,
+            };
+            to.write_all(&length.to_le_bytes())
+                .and_then(|()| to.write_all(&answer.unwrap_or_default()))
+                .context("cannot write to rp2040js")?;
         }
     }
 
@@ -191,7 +203,8 @@ mod tests {
 
     #[test]
     fn a_folder_without_the_package_is_named() {
-        let error = run(b"", Path::new("no/such"), &mut |_| Vec::new(), Duration::ZERO, &mut |_| {});
+        let path = Path::new("no/such");
+        let error = run(b"", path, &mut |_| Vec::new(), None, Duration::ZERO, &mut |_| {});
         assert!(error.unwrap_err().to_string().contains("no/such"));
     }
 

@@ -5,6 +5,7 @@ pub mod compare;
 pub mod decode;
 pub mod demo;
 pub mod device;
+pub mod emulate;
 pub mod encode;
 pub mod image;
 pub mod info;

@@ -1,25 +1,35 @@
-//! Raspberry Pi Pico: the servo bus on UART 0, the trigger on a pin. What is wired where is in README.md.
+//! Raspberry Pi Pico and Pico 2: the servo bus on UART 0, a host on UART 1, the trigger on a pin. What is wired where is in
+//! README.md.
 #![no_std]
 #![no_main]
 
-use board_support::{Busy, IdleLine, Puppet, Wiring, buffers};
+mod clips;
+
+use board_support::{Busy, Host, IdleLine, Puppet, Wiring, buffers, host_buffers};
+use clips::{Clips, LAYOUT};
 use embassy_executor::Spawner;
 use embassy_rp::bind_interrupts;
+use embassy_rp::clocks::clk_sys_freq;
 use embassy_rp::gpio::{Input, Level, Output, Pull};
-use embassy_rp::peripherals::UART0;
+use embassy_rp::peripherals::{UART0, UART1};
 use embassy_rp::uart::{BufferedInterruptHandler, BufferedUart, Config, Error};
 use embassy_rp::watchdog::Watchdog;
 use embassy_time::Duration;
 use embedded_io_async::{ErrorType, Read, Write};
 use firmware::bus::port::Line;
+use firmware::device::Identity;
 use firmware::machine::Start;
 
 bind_interrupts!(struct Interrupts {
     UART0_IRQ => BufferedInterruptHandler<UART0>;
+    UART1_IRQ => BufferedInterruptHandler<UART1>;
 });
 
 /// Silence of the player after which the controller starts again.
 const WATCHDOG: Duration = Duration::from_millis(500);
+
+/// Bits per second of the host's line.
+const HOST_BAUD: u32 = 115_200;
 
 #[embassy_executor::main]
 async fn main(_spawner: Spawner) {
@@ -32,6 +42,17 @@ async fn main(_spawner: Spawner) {
     config.baudrate = baud;
     let (sent, received) = buffers();
     let uart = BufferedUart::new(chip.UART0, chip.PIN_0, chip.PIN_1, Interrupts, sent, received, config);
+    let mut config = Config::default();
+    config.baudrate = HOST_BAUD;
+    let (sent, received) = host_buffers();
+    let line = BufferedUart::new(chip.UART1, chip.PIN_4, chip.PIN_5, Interrupts, sent, received, config);
+    let identity = Identity {
+        name: "Pico".try_into().unwrap_or_default(),
+        clock_hz: clk_sys_freq(),
+        data_bytes: 512,
+        flash_stalls: true,
+    };
+    let host = Host { line, flash: Clips::new(chip.FLASH), layout: LAYOUT, identity };
     watchdog.start(WATCHDOG);
     let wiring = Wiring {
         uart: IdleLine::new(Uart(uart), baud),
@@ -42,7 +63,7 @@ async fn main(_spawner: Spawner) {
         start,
         simulated: false,
     };
-    puppet.play(wiring).await;
+    puppet.serve(wiring, host).await;
 }
 
 /// embassy's UART, whose flush returns while its FIFO holds up to 32 bytes.

@@ -6,7 +6,7 @@ use decoder_core::{Error, I16F16, Limits};
 
 include!(concat!(env!("OUT_DIR"), "/sizes.rs"));
 
-static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip"));
+pub static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip"));
 
 /// What the decoder is lent.
 pub struct Memory {
@@ -38,4 +38,10 @@ pub fn open(memory: &mut Memory) -> Result<Opened<'_>, Error> {
     let Memory { pose, states, correlations, words } = memory;
     let decoder = clip.decoder(mclip::Memory { pose, states, correlations, words })?;
     Ok(Opened { decoder, frames: clip.frames(), rate_centihertz: clip.header().rate_centihertz() })
+}
+
+/// Checks the clip with all its blocks.
+#[cfg(feature = "link")]
+pub fn check() -> Result<(), Error> {
+    Clip::parse(CLIP, Limits::MAX)?.verify().map(|_| ())
 }

@@ -5,7 +5,7 @@ use decoder_core::{Error, I16F16, Limits};
 
 include!(concat!(env!("OUT_DIR"), "/sizes.rs"));
 
-static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip"));
+pub static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip"));
 
 /// What the decoder is lent.
 pub struct Memory {
@@ -29,4 +29,10 @@ pub fn open(memory: &mut Memory) -> Result<Opened<'_>, Error> {
     let table = (TABLE > 0).then_some(&mut memory.table[..]);
     let decoder = clip.decoder(&mut memory.pose, table)?;
     Ok(Opened { decoder, frames: clip.frames(), rate_centihertz: clip.rate_centihertz() })
+}
+
+/// Whether the clip can be played.
+#[cfg(feature = "link")]
+pub fn check() -> Result<(), Error> {
+    Clip::parse(CLIP, Limits::MAX).map(|_| ())
 }

@@ -11,10 +11,16 @@ mod buffers;
 mod clip;
 #[cfg(feature = "rtt")]
 mod halt;
+#[cfg(feature = "link")]
+mod host;
 mod idle_line;
 mod show;
 
 #[cfg(feature = "rtt")]
 pub use buffers::buffers;
+#[cfg(feature = "link")]
+pub use buffers::host_buffers;
+#[cfg(feature = "link")]
+pub use host::Host;
 pub use idle_line::{Busy, IdleLine};
 pub use show::{Button, Puppet, Wiring};

@@ -24,7 +24,7 @@ const CENTIHERTZ: Option<NonZeroU16> = match u16::from_str_radix(env!("BUNRAKU_C
 };
 
 /// The clip, then home; and again at each trigger.
-const SHOW: Show<'static> =
+pub(crate) const SHOW: Show<'static> =
     Show { playlist: &[0], repeats: false, idle_clip: None, trigger_clip: Some(0), after: After::Home };
 
 /// What a board brings.
@@ -69,7 +69,7 @@ impl InputPin for Button {
 
 /// The linked-in puppet, and the memory of the linked-in clip's decoder.
 pub struct Puppet {
-    map: JointMap<MAX_SERVOS>,
+    pub(crate) map: JointMap<MAX_SERVOS>,
     memory: clip::Memory,
 }
 
@@ -107,26 +107,14 @@ impl Puppet {
         let mut machine = Machine::new(map, library, SHOW, start);
         let mut bus = DynamixelBus::<_, _, _>::new(Client::new(Port::new(uart, direction, Delay, line)));
         defmt::info!("{} frames at {} cHz on {} servos", clip.frames, rate, map.joints().len());
-        let mut stage = Stage {
-            map,
-            began: Instant::now(),
-            trigger,
-            // What is pressed already when the power comes on says nothing.
-            pressed: true,
-            feed,
-            simulated,
-            ticks: 0,
-            state: State::Finding,
-            fault: None,
-            rests: false,
-        };
+        let mut stage = Stage::new(map, trigger, feed, simulated);
         drive(&mut machine, &mut bus, &mut stage).await;
         machine.fault()
     }
 }
 
 /// The board, as the drive sees it.
-struct Stage<'m, T, W> {
+pub(crate) struct Stage<'m, T, W> {
     map: &'m JointMap<MAX_SERVOS>,
     began: Instant,
     trigger: T,
@@ -141,7 +129,29 @@ struct Stage<'m, T, W> {
     rests: bool,
 }
 
-impl<T, W> Stage<'_, T, W> {
+impl<'m, T: InputPin, W: FnMut()> Stage<'m, T, W> {
+    pub(crate) fn new(map: &'m JointMap<MAX_SERVOS>, trigger: T, feed: W, simulated: bool) -> Self {
+        Self {
+            map,
+            began: Instant::now(),
+            trigger,
+            // What is pressed already when the power comes on says nothing.
+            pressed: true,
+            feed,
+            simulated,
+            ticks: 0,
+            state: State::Finding,
+            fault: None,
+            rests: false,
+        }
+    }
+
+    /// Since the show began.
+    #[cfg(feature = "link")]
+    pub(crate) fn millis(&self) -> u32 {
+        self.began.elapsed().as_millis() as u32
+    }
+
     fn due(&self, tick: u32) -> Instant {
         self.began + Duration::from_micros(self.map.tick_micros(tick))
     }
@@ -170,8 +180,13 @@ impl<T, W> Stage<'_, T, W> {
 
 impl<L: Library, T: InputPin, W: FnMut()> Surroundings<L, MAX_SERVOS> for Stage<'_, T, W> {
     async fn wait(&mut self, tick: u32) -> bool {
-        let late = !self.simulated && Instant::now() >= self.due(tick.wrapping_add(1));
-        Timer::at(self.due(tick)).await;
+        let (due, now) = (self.due(tick), Instant::now());
+        let late = !self.simulated && now >= self.due(tick.wrapping_add(1));
+        if late {
+            // Ticks that are caught up with come too fast for servos: the later ones are later, too.
+            self.began += now - due;
+        }
+        Timer::at(due).await;
         self.ticks = tick;
         late
     }

@@ -1,0 +1,113 @@
+//! `bunraku emulate`: a Raspberry Pi Pico with a host on its line.
+
+use super::play;
+use anyhow::{Context, Result, bail};
+use host_sim::board;
+use host_sim::clip::Clip;
+use host_sim::files;
+use host_sim::rp2040js;
+use host_sim::servos::{Bus, BusConfig, ServoConfig};
+use std::cell::Cell;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Run the firmware of a Raspberry Pi Pico in the emulator rp2040js, in real time, with virtual servos.
+///
+/// Its host's line is a TCP port, for `bunraku push`, `stream` and `monitor`; its log goes to standard error. Runs until it is stopped with
+/// Ctrl-C. Clips that are pushed are forgotten at the end.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example:\n  bunraku emulate walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --listen 127.0.0.1:4100\n  bunraku push tcp:127.0.0.1:4100 list"
+)]
+pub struct Args {
+    /// The clip that is linked into the image: .qmd or .mclip.
+    clip: PathBuf,
+    /// The puppet: which servo follows which channel.
+    #[arg(long, value_name = "PUPPET.toml")]
+    puppet: PathBuf,
+    /// The skeleton whose channels the clip has (.asf, .bvh), instead of the one that the puppet names.
+    #[arg(long, value_name = "S.asf")]
+    skeleton: Option<PathBuf>,
+    /// Where the host connects; port 0 takes a free one, which is printed.
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0")]
+    listen: String,
+    /// End after so many seconds.
+    #[arg(long, value_name = "SECONDS")]
+    seconds: Option<u64>,
+}
+
+/// A year.
+const FOR_EVER: u64 = 365 * 24 * 3600;
+
+pub fn run(args: Args) -> Result<ExitCode> {
+    let bytes = files::read(&args.clip)?;
+    let clip = Clip::parse(&args.clip, &bytes)?;
+    let map = play::map(&args.clip, &clip, &args.puppet, args.skeleton)?;
+    let joints = map.joints().iter();
+    let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
+    let mut servos = Bus::new(&BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) })?;
+    let elf = board::RP2040.build(&bytes, &map, 0)?;
+    let listener =
+        TcpListener::bind(&args.listen).with_context(|| format!("cannot listen on {}", args.listen))?;
+    listener.set_nonblocking(true).context("cannot listen without waiting")?;
+    println!("tcp:{}", listener.local_addr().context("cannot listen")?);
+    std::io::stdout().flush().context("cannot write to standard output")?;
+
+    let began = Instant::now();
+    // Simulated time, which servos live in.
+    let millis = Cell::new(0);
+    let mut line = Line { listener, host: None };
+    let end = args.seconds.map(Duration::from_secs);
+    let mut host = |bytes: &[u8]| {
+        millis.update(|millis| millis + 1);
+        let now = Duration::from_millis(millis.get());
+        // Not ahead of time. An emulator that is behind catches up.
+        thread::sleep(now.saturating_sub(began.elapsed()));
+        let ended = end.is_some_and(|end| now > end);
+        (!ended).then(|| line.exchange(bytes))
+    };
+    let mut bus = |bytes: &[u8]| servos.receive(bytes, millis.get() * 1000, &mut |_| {});
+    let limit = Duration::from_secs(FOR_EVER);
+    let log = &mut |said: &str| eprintln!("{said}");
+    rp2040js::run(&elf, &rp2040js::package(), &mut bus, Some(&mut host), limit, log)?;
+    if end.is_none() {
+        bail!("the emulator has ended");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The host's end of the line.
+struct Line {
+    listener: TcpListener,
+    host: Option<TcpStream>,
+}
+
+impl Line {
+    /// Gives a host what it was sent, and takes what it sends. Whoever connects takes the line over.
+    fn exchange(&mut self, bytes: &[u8]) -> Vec<u8> {
+        if let Ok((stream, _)) = self.listener.accept() {
+            // A line that delays is slow, but works.
+            let _ = stream.set_nodelay(true);
+            self.host = stream.set_nonblocking(true).is_ok().then_some(stream);
+        }
+        let Some(host) = &mut self.host else { return Vec::new() };
+        let mut buffer = [0; 4096];
+        let read = match host.write_all(bytes) {
+            // What a host does not read is lost, as on a serial line.
+            Ok(()) => host.read(&mut buffer),
+            Err(error) => Err(error),
+        };
+        match read {
+            Ok(count) if count > 0 => buffer[..count].to_vec(),
+            Err(error) if error.kind() == ErrorKind::WouldBlock => Vec::new(),
+            _ => {
+                self.host = None;
+                Vec::new()
+            }
+        }
+    }
+}
