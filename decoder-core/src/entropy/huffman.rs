@@ -111,10 +111,24 @@ impl Shape {
         self.classes.wrapping_mul(group)
     }
 
+    /// The table that the first code of a channel is read with, of which a later one is read with `table`;
+    /// [`NO_TABLE`] stays.
+    pub fn first_of(self, table: u8) -> u8 {
+        if table == NO_TABLE {
+            return NO_TABLE;
+        }
+        // Most clips have one group: no division.
+        if self.groups == 1 { 0 } else { table.wrapping_sub(self.class_of(table)) }
+    }
+
+    fn class_of(self, table: u8) -> u8 {
+        table.checked_rem(self.classes).unwrap_or(0)
+    }
+
     /// The table that follows `table` after a code.
     #[inline(never)]
     pub fn next_table(self, table: u8, code: i32) -> u8 {
-        let class = table.checked_rem(self.classes).unwrap_or(0);
+        let class = self.class_of(table);
         table.wrapping_sub(class).wrapping_add(next_class(class, code, self.classes))
     }
 }

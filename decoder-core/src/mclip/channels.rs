@@ -5,7 +5,7 @@
 
 use super::codec::{Adaptation, Adpcm, Codec};
 use super::state::{State, pair, unpair};
-use crate::bits::BitReader;
+use crate::bits::{BitReader, MAX_TAKE};
 use crate::entropy::fixed_width::{OCTET, field};
 use crate::entropy::{FixedWidth, SymbolSource};
 use crate::predict::{Constant, Correlation, First, Predict, Second, Slots};
@@ -25,8 +25,8 @@ pub trait Choose {
     /// After its last one.
     fn end(&mut self, running: Self::Running);
 
-    /// The value of channel `channel` at an entry point, in steps of `2^shift` from its lowest, in `bits` bits.
-    fn entry(&mut self, running: &mut Self::Running, channel: usize, low: i32, shift: u8, bits: u32) -> u32;
+    /// The value of channel `channel` at an entry point, in steps of `2^shift`, in `bits` bits (1 to 32) with its sign.
+    fn entry(&mut self, running: &mut Self::Running, channel: usize, shift: u32, bits: u32) -> i32;
 
     /// The code of channel `channel`, whose prediction is `predicted`; `None` where it has none, as with 0 bits.
     fn code<Q: Quantise>(
@@ -68,10 +68,12 @@ impl<'b, S: SymbolSource> Choose for Decode<'b, S> {
     }
 
     #[inline(always)]
-    fn entry(&mut self, running: &mut BitReader<'b>, _: usize, _: i32, _: u8, bits: u32) -> u32 {
-        let low = bits.min(16);
-        let high = running.take(bits.saturating_sub(low));
-        high.wrapping_shl(low) | running.take(low)
+    fn entry(&mut self, running: &mut BitReader<'b>, _: usize, _: u32, bits: u32) -> i32 {
+        if bits <= MAX_TAKE {
+            return running.take_signed(bits);
+        }
+        let high = running.take_signed(bits.wrapping_sub(MAX_TAKE));
+        high.wrapping_shl(MAX_TAKE) | running.take(MAX_TAKE).cast_signed()
     }
 
     #[inline(always)]
@@ -83,7 +85,7 @@ impl<'b, S: SymbolSource> Choose for Decode<'b, S> {
         _: &Q,
         state: &mut State,
     ) -> Option<i32> {
-        self.source.code(running, channel, state.bits, &mut state.context)
+        self.source.code(running, channel, state.bits(), &mut state.context)
     }
 }
 
@@ -107,9 +109,11 @@ impl Channels<'_> {
             Codec::Pcm => serial(pose, states, &Constant, &Uniform, choose),
             Codec::MuLaw(law) => serial(pose, states, &First, law, choose),
             Codec::Dpcm { order: 0 | 1 } => serial(pose, states, &First, &Uniform, choose),
-            Codec::Dpcm { .. } => serial(pose, states, &Second, &Uniform, choose),
-            Codec::Adpcm(Adpcm { quantiser, predictor: None }) => {
+            Codec::Adpcm(Adpcm { quantiser, predictor: None }) if quantiser.adapts() => {
                 serial(pose, states, &Second, quantiser, choose);
+            }
+            Codec::Dpcm { .. } | Codec::Adpcm(Adpcm { predictor: None, .. }) => {
+                serial(pose, states, &Second, &Uniform, choose);
             }
             Codec::Adpcm(Adpcm { quantiser, predictor: Some(adaptation) }) => {
                 let adaptation = *adaptation;
@@ -147,9 +151,11 @@ impl Channels<'_> {
         match codec {
             Codec::Pcm => octets(self.pose, self.states, &Constant, &Uniform, codes),
             Codec::Dpcm { order: 0 | 1 } => octets(self.pose, self.states, &First, &Uniform, codes),
-            Codec::Dpcm { .. } => octets(self.pose, self.states, &Second, &Uniform, codes),
-            Codec::Adpcm(Adpcm { quantiser, predictor: None }) => {
+            Codec::Adpcm(Adpcm { quantiser, predictor: None }) if quantiser.adapts() => {
                 octets(self.pose, self.states, &Second, quantiser, codes)
+            }
+            Codec::Dpcm { .. } | Codec::Adpcm(Adpcm { predictor: None, .. }) => {
+                octets(self.pose, self.states, &Second, &Uniform, codes)
             }
             _ => {
                 let mut decode = Decode { codes, position: 0, source: FixedWidth };
@@ -190,7 +196,7 @@ fn serial<P: Predict, Q: Quantise, C: Choose>(
     for (value, state) in pose.iter_mut().zip(states) {
         let predicted = predict.predict(value.to_bits(), state.second, state.coefficient);
         if let Some(code) = choose.code(&mut running, channel, predicted, quantise, state) {
-            next::<P, Q>(value, state, predicted, quantise, code, state.bits);
+            next::<P, Q>(value, state, predicted, quantise, code, state.bits());
         }
         channel = channel.wrapping_add(1);
     }
@@ -257,7 +263,8 @@ fn adaptive<F: Follow, Q: Quantise, C: Choose>(
         let last = value.to_bits();
         let predicted = follower.correlation().predict(unpair(state.second), last);
         if let Some(code) = choose.code(&mut running, channel, predicted, quantise, state) {
-            let next = predicted.wrapping_add(quantise.difference(code, &mut state.step, state.bits));
+            let bits = state.bits();
+            let next = predicted.wrapping_add(quantise.difference(code, &mut state.step, bits));
             follower.add(next.wrapping_sub(last));
             *value = I16F16::from_bits(next);
         }
@@ -290,8 +297,8 @@ const WIDTHS: core::ops::RangeInclusive<u8> = 4..=8;
 pub(super) fn mark_octets(states: &mut [State]) {
     let (mut width_after, mut alike) = (0u8, 0u8);
     for octet in states.chunks_mut(OCTET).rev() {
-        let bits = octet.first().map_or(0, |first| first.bits);
-        let same = octet.iter().all(|channel| channel.bits == bits);
+        let bits = octet.first().map_or(0, State::bits);
+        let same = octet.iter().all(|channel| channel.bits() == bits);
         let width = if same && WIDTHS.contains(&bits) { bits } else { 0 };
         alike = if width == width_after { alike.saturating_add(1) } else { 1 };
         width_after = width;

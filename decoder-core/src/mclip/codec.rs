@@ -144,7 +144,7 @@ impl Adpcm {
         let most = if window < SHORTEST { MAX_WINDOW } else { LONGEST };
         check(Field::Parameters, at, window.into(), 0, most.into())?;
         check(Field::Parameters, at, period.into(), 0, if window == 0 { 0 } else { 14 })?;
-        let quantiser = Adaptive { multipliers: multipliers.map(u8::cast_signed), low, high };
+        let quantiser = Adaptive::new(multipliers.map(u8::cast_signed), low, high);
         let predictor = (window > 0).then_some(Adaptation { window, period });
         Ok(Self { quantiser, predictor })
     }
@@ -221,6 +221,11 @@ impl<'a> Codec<'a> {
             Self::Adpcm(Adpcm { predictor: Some(adaptation), .. }) => adaptation.ring_words(),
             _ => 0,
         }
+    }
+
+    /// Whether the predictor needs the value before the last one.
+    pub const fn keeps_values(&self) -> bool {
+        matches!(self, Self::Dpcm { order: 2.. } | Self::Adpcm(Adpcm { predictor: None, .. }))
     }
 
     /// Whether the first frame after an entry point has values of its own, instead of codes.

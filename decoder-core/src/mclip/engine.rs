@@ -1,7 +1,7 @@
 //! What decoding in place, decoding a stream and encoding have in common: a pose, and a step to the next one.
 
 use super::channels::{Channels, Choose, Decode, mark_octets};
-use super::codec::EntropyId;
+use super::codec::{Codec, EntropyId};
 use super::header::Header;
 use super::state::State;
 use crate::entropy::huffman::{NO_TABLE, TableError};
@@ -67,7 +67,7 @@ pub struct Engine<'a, 's> {
 }
 
 impl<'a, 's> Engine<'a, 's> {
-    /// An engine before any entry point. Builds the entropy stage's tables.
+    /// An engine before any entry point. Reads the channels' records, and builds the entropy stage's tables.
     ///
     /// # Errors
     /// [`Error::OutputTooSmall`], or [`Error::Encoding`] where the tables are none.
@@ -94,10 +94,24 @@ impl<'a, 's> Engine<'a, 's> {
                 Source::Adaptive(AdaptiveHuffman::new(bits, words).ok_or(bad_tables)?)
             }
         };
+        let pose = lent(memory.pose, needs.channels, Field::Pose)?;
+        let states = lent(memory.states, needs.channels, Field::States)?;
+        let slots = pose.iter_mut().zip(states.iter_mut());
+        for ((value, state), channel) in slots.zip(header.channels().unnamed()) {
+            *value = I16F16::from_bits(channel.low);
+            *state = State::of(header.codec(), &channel);
+            if let Source::Huffman(huffman) = &source {
+                let first = huffman.shape().first_table(channel.group);
+                state.context = if channel.bits == 0 { NO_TABLE } else { first };
+            }
+        }
+        if matches!(source, Source::FixedWidth) {
+            mark_octets(states);
+        }
         Ok(Self {
             header,
-            pose: lent(memory.pose, needs.channels, Field::Pose)?,
-            states: lent(memory.states, needs.channels, Field::States)?,
+            pose,
+            states,
             correlations: lent(memory.correlations, needs.correlations, Field::Correlations)?,
             rings,
             source,
@@ -187,35 +201,45 @@ impl<'a, 's> Engine<'a, 's> {
         self.pose
     }
 
-    /// Sets every channel to what its record says, and to its value, if there is one.
+    /// Sets every channel to what it is at an entry point, and to its value, if there is one.
     fn enter<C: Choose>(&mut self, choose: &mut C) {
         self.frame = 0;
         self.correlations.fill(Correlation::default());
-        let codec = self.header.codec();
-        let has_values = codec.has_entry_values();
-        let mut running = choose.begin();
-        let slots = self.pose.iter_mut().zip(self.states.iter_mut());
-        let mut index = 0usize;
-        for ((value, state), channel) in slots.zip(self.header.channels().unnamed()) {
-            let bits = if has_values { channel.entry_bits.into() } else { 0 };
-            let shift = channel.entry_shift;
-            let steps =
-                if bits == 0 { 0 } else { choose.entry(&mut running, index, channel.low, shift, bits) };
-            let first = channel.low.wrapping_add(steps.wrapping_shl(shift.into()).cast_signed());
-            let context = match &self.source {
-                Source::Huffman(_) if channel.bits == 0 => NO_TABLE,
-                Source::Huffman(huffman) => huffman.shape().first_table(channel.group),
-                _ => 0,
-            };
-            *value = I16F16::from_bits(first);
-            *state = State::entry(codec, &channel, first, context);
-            index = index.wrapping_add(1);
+        if let Source::Huffman(huffman) = &self.source {
+            let shape = huffman.shape();
+            self.states.iter_mut().for_each(|state| state.context = shape.first_of(state.context));
         }
-        choose.end(running);
-        if matches!(self.source, Source::FixedWidth) {
-            mark_octets(self.states);
+        let codec = self.header.codec();
+        if let Codec::Adpcm(adpcm) = codec {
+            if adpcm.quantiser.adapts() {
+                self.states.iter_mut().for_each(State::reset_step);
+            }
+            if adpcm.predictor.is_some() {
+                self.states.iter_mut().for_each(|state| state.second = 0);
+            }
+        }
+        if codec.has_entry_values() {
+            enter(self.pose, self.states, codec.keeps_values(), choose);
         }
     }
+}
+
+/// Sets all channels that have codes to their values at an entry point, and with `keep` the ones before these too.
+fn enter<C: Choose>(pose: &mut [I16F16], states: &mut [State], keep: bool, choose: &mut C) {
+    let mut running = choose.begin();
+    let mut channel = 0usize;
+    for (value, state) in pose.iter_mut().zip(states) {
+        if state.bits() > 0 {
+            let (bits, shift) = state.entry();
+            let first = choose.entry(&mut running, channel, shift, bits).wrapping_shl(shift);
+            *value = I16F16::from_bits(first);
+            if keep {
+                state.second = first;
+            }
+        }
+        channel = channel.wrapping_add(1);
+    }
+    choose.end(running);
 }
 
 /// The front of what a caller lent.

@@ -28,11 +28,13 @@ impl Choose for Nearest<'_> {
         self.frames += 1;
     }
 
-    fn entry(&mut self, running: &mut usize, channel: usize, low: i32, shift: u8, bits: u32) -> u32 {
+    fn entry(&mut self, running: &mut usize, channel: usize, shift: u32, bits: u32) -> i32 {
         *running += 1;
-        let steps = self.frame[channel].to_bits().wrapping_sub(low).cast_unsigned() >> shift;
-        assert!(bits == 32 || steps < 1 << bits);
-        steps
+        let value = self.frame[channel].to_bits() >> shift;
+        // A value that is shifted out of the word is another one.
+        let sign = value >> (bits - 1);
+        self.wrapped |= sign != 0 && sign != -1;
+        value
     }
 
     fn code<Q: Quantise>(
