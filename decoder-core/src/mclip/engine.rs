@@ -1,13 +1,16 @@
 //! What decoding in place, decoding a stream and encoding have in common: a pose, and a step to the next one.
 
-use super::channels::{Channels, Choose, Decode, mark_octets};
-use super::codec::{Codec, EntropyId};
+use super::channels::{Channels, Choose};
+use super::codec::{Adpcm, Codec, EntropyId};
 use super::header::Header;
+use super::octets;
 use super::state::State;
+use crate::bits::{BitReader, MAX_TAKE};
 use crate::entropy::huffman::{NO_TABLE, TableError};
-use crate::entropy::{AdaptiveHuffman, FixedWidth, Huffman};
+use crate::entropy::{AdaptiveHuffman, Huffman};
 use crate::error::{Error, Field};
-use crate::predict::Correlation;
+use crate::predict::{Constant, Correlation, First, Second};
+use crate::quantise::Uniform;
 use fixed::types::I16F16;
 
 /// The memory that a decoder needs, in elements.
@@ -106,7 +109,7 @@ impl<'a, 's> Engine<'a, 's> {
             }
         }
         if matches!(source, Source::FixedWidth) {
-            mark_octets(states);
+            octets::mark(states);
         }
         Ok(Self {
             header,
@@ -139,30 +142,30 @@ impl<'a, 's> Engine<'a, 's> {
                 return Ok(position);
             }
         }
-        let codec = self.header.codec();
-        self.frame = self.frame.wrapping_add(1);
-        let channels = Channels {
-            pose: self.pose,
-            states: self.states,
-            correlations: self.correlations,
-            rings: self.rings,
-            frame: self.frame,
-        };
-        match &mut self.source {
+        let Self { header, pose, states, correlations, rings, source, frame } = self;
+        *frame = frame.wrapping_add(1);
+        let (codec, frame) = (header.codec(), *frame);
+        match source {
             Source::FixedWidth => {
-                let rest = codes.get(position >> 3..).unwrap_or_default();
-                let rest = channels.step_fixed_width(codec, rest).ok_or(())?;
-                Ok(codes.len().wrapping_sub(rest.len()).wrapping_mul(8))
+                let bytes = codes.get(position >> 3..).unwrap_or_default();
+                let rest = match codec {
+                    Codec::Pcm => octets::step(pose, states, &Constant, &Uniform, bytes),
+                    Codec::Dpcm { order: 0 | 1 } => octets::step(pose, states, &First, &Uniform, bytes),
+                    Codec::Dpcm { .. } => octets::step(pose, states, &Second, &Uniform, bytes),
+                    Codec::Adpcm(Adpcm { quantiser, predictor: None }) if quantiser.adapts() => {
+                        octets::step(pose, states, &Second, quantiser, bytes)
+                    }
+                    _ => Channels { pose, states, correlations, rings, frame }.step_unpacked(codec, bytes),
+                };
+                Ok(codes.len().wrapping_sub(rest.ok_or(())?.len()).wrapping_mul(8))
             }
             Source::Huffman(source) => {
-                let mut decode = Decode { codes, position, source: *source };
-                channels.step(codec, &mut decode);
-                decode.finish()
+                let channels = Channels { pose, states, correlations, rings, frame };
+                within(channels.step_coded(codec, codes, position, *source), codes)
             }
             Source::Adaptive(source) => {
-                let mut decode = Decode { codes, position, source };
-                channels.step(codec, &mut decode);
-                decode.finish()
+                let channels = Channels { pose, states, correlations, rings, frame };
+                within(channels.step_coded(codec, codes, position, source), codes)
             }
         }
     }
@@ -170,21 +173,39 @@ impl<'a, 's> Engine<'a, 's> {
     /// Decodes the values of an entry point; gives where they end.
     #[inline(never)]
     fn decode_entry(&mut self, codes: &[u8], position: usize) -> Result<usize, ()> {
-        let mut decode = Decode { codes, position, source: FixedWidth };
-        self.enter(&mut decode);
+        self.reset();
+        let mut position = position;
+        if self.header.codec().has_entry_values() {
+            let keep = self.header.codec().keeps_values();
+            let mut reader = BitReader::at(codes, position);
+            enter(self.pose, self.states, keep, |_, _, bits| {
+                if bits <= MAX_TAKE {
+                    return reader.take_signed(bits);
+                }
+                let high = reader.take_signed(bits.wrapping_sub(MAX_TAKE));
+                high.wrapping_shl(MAX_TAKE) | reader.take(MAX_TAKE).cast_signed()
+            });
+            position = reader.position();
+        }
         match &mut self.source {
-            Source::FixedWidth => decode.position = decode.position.wrapping_add(7) & !7,
+            Source::FixedWidth => position = position.wrapping_add(7) & !7,
             Source::Huffman(_) => {}
             Source::Adaptive(tree) => tree.reset(),
         }
-        decode.finish()
+        within(position, codes)
     }
 
     /// Goes on to the frame whose codes `choose` gives: an encoder's, which may choose by what is predicted.
     /// `entry` is true for the first frame of an entry point.
     pub fn choose<C: Choose>(&mut self, choose: &mut C, entry: bool) -> &[I16F16] {
         if entry {
-            self.enter(choose);
+            self.reset();
+            if self.header.codec().has_entry_values() {
+                let keep = self.header.codec().keeps_values();
+                enter(self.pose, self.states, keep, |channel, shift, bits| {
+                    choose.entry(channel, shift, bits)
+                });
+            }
         }
         let codec = self.header.codec();
         if !(entry && codec.has_entry_values()) {
@@ -201,8 +222,8 @@ impl<'a, 's> Engine<'a, 's> {
         self.pose
     }
 
-    /// Sets every channel to what it is at an entry point, and to its value, if there is one.
-    fn enter<C: Choose>(&mut self, choose: &mut C) {
+    /// Sets all but the values of channels to what it is at an entry point.
+    fn reset(&mut self) {
         self.frame = 0;
         self.correlations.fill(Correlation::default());
         if let Source::Huffman(huffman) = &self.source {
@@ -218,28 +239,32 @@ impl<'a, 's> Engine<'a, 's> {
                 self.states.iter_mut().for_each(|state| state.second = 0);
             }
         }
-        if codec.has_entry_values() {
-            enter(self.pose, self.states, codec.keeps_values(), choose);
-        }
     }
 }
 
-/// Sets all channels that have codes to their values at an entry point, and with `keep` the ones before these too.
-fn enter<C: Choose>(pose: &mut [I16F16], states: &mut [State], keep: bool, choose: &mut C) {
-    let mut running = choose.begin();
-    let mut channel = 0usize;
-    for (value, state) in pose.iter_mut().zip(states) {
+/// A position in codes, which have to be as long.
+const fn within(position: usize, codes: &[u8]) -> Result<usize, ()> {
+    if position > codes.len().saturating_mul(8) { Err(()) } else { Ok(position) }
+}
+
+/// Sets all channels that have codes to their values at an entry point, and with `keep` the ones before these too. `value`
+/// gives a channel's, by its number, shift and bits.
+fn enter(
+    pose: &mut [I16F16],
+    states: &mut [State],
+    keep: bool,
+    mut value: impl FnMut(usize, u32, u32) -> i32,
+) {
+    for (channel, (pose, state)) in pose.iter_mut().zip(states).enumerate() {
         if state.bits() > 0 {
             let (bits, shift) = state.entry();
-            let first = choose.entry(&mut running, channel, shift, bits).wrapping_shl(shift);
-            *value = I16F16::from_bits(first);
+            let first = value(channel, shift, bits).wrapping_shl(shift);
+            *pose = I16F16::from_bits(first);
             if keep {
                 state.second = first;
             }
         }
-        channel = channel.wrapping_add(1);
     }
-    choose.end(running);
 }
 
 /// The front of what a caller lent.

@@ -16,6 +16,7 @@ mod cursor;
 mod decoder;
 mod engine;
 mod header;
+mod octets;
 mod record;
 mod state;
 mod stream;

@@ -33,7 +33,8 @@ impl State {
     /// What a channel's record says.
     pub(super) fn of(codec: &Codec<'_>, channel: &Channel<'_>) -> Self {
         let &Channel { step: index, bits, coefficient, low, entry_bits, entry_shift, .. } = channel;
-        let size = step::size(index);
+        // A channel of 0 bits has codes of 0 all the time: no step, and no predictor, leave it where it is.
+        let size = if bits == 0 { 0 } else { step::size(index) };
         let (step, second) = match codec {
             Codec::Pcm => {
                 let grid = Grid { low, mantissa: coefficient, exponent: index };

@@ -85,13 +85,7 @@ struct Nearest<'n> {
 }
 
 impl Choose for Nearest<'_> {
-    type Running = ();
-
-    fn begin(&self) {}
-
-    fn end(&mut self, (): ()) {}
-
-    fn entry(&mut self, (): &mut (), channel: usize, shift: u32, bits: u32) -> i32 {
+    fn entry(&mut self, channel: usize, shift: u32, bits: u32) -> i32 {
         let most = (1i64 << bits >> 1) - 1;
         let rounded = (i64::from(self.targets[channel]) + ((1 << shift) >> 1)) >> shift;
         let value = rounded.clamp(!most, most) as i32;
@@ -99,16 +93,9 @@ impl Choose for Nearest<'_> {
         value
     }
 
-    fn code<Q: Quantise>(
-        &mut self,
-        (): &mut (),
-        channel: usize,
-        predicted: i32,
-        quantiser: &Q,
-        state: &mut State,
-    ) -> Option<i32> {
+    fn code<Q: Quantise>(&mut self, channel: usize, predicted: i32, quantiser: &Q, state: &State) -> i32 {
         if state.bits() == 0 {
-            return None;
+            return 0;
         }
         let mut difference = self.targets[channel].wrapping_sub(predicted);
         self.wanted.push(difference);
@@ -118,6 +105,6 @@ impl Choose for Nearest<'_> {
         }
         let code = quantiser.nearest(difference, state.step(), state.bits());
         self.codes.push(code);
-        Some(code)
+        code
     }
 }
