@@ -176,6 +176,11 @@ pub enum Error {
         /// Its number.
         found: u32,
     },
+    /// A codec or stage that this decoder could play, but that was left out when it was built.
+    NotLinked {
+        /// The feature of the crate decoder-core that has it.
+        feature: &'static str,
+    },
     /// Bytes were damaged.
     Checksum {
         /// What they are.
@@ -220,6 +225,9 @@ impl fmt::Display for Error {
             Self::Unsupported { field, found } => {
                 write!(f, "{} {found} is not supported by this version of Bunraku", field.name())
             }
+            Self::NotLinked { feature } => {
+                write!(f, "the clip needs the feature {feature}, which this decoder was built without")
+            }
             Self::Checksum { field, at, found, expected } => write!(
                 f,
                 "byte {at}: damage in the {}: its CRC-32 is {found:#010x}, expected {expected:#010x}",
@@ -255,6 +263,10 @@ mod tests {
                 "byte 7: hierarchy level is 9, expected 1 to 8",
             ),
             (Error::Encoding { field, at: 7 }, "byte 7: the hierarchy level cannot be read"),
+            (
+                Error::NotLinked { feature: "huffman" },
+                "the clip needs the feature huffman, which this decoder was built without",
+            ),
             (
                 Error::Unsupported { field: Field::Version, found: 9 },
                 "format version 9 is not supported by this version of Bunraku",

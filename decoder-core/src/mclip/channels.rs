@@ -12,7 +12,7 @@ use crate::entropy::SymbolSource;
 use crate::predict::{Constant, Correlation, First, Predict, Second, Slots};
 use crate::quantise::{Quantise, Uniform};
 use core::iter::Copied;
-use core::ops::RangeFrom;
+use core::ops::Range;
 use core::slice;
 use fixed::types::I16F16;
 
@@ -73,10 +73,10 @@ struct Chosen<'c, C>(&'c mut C);
 
 impl<C: Choose> Codes for Chosen<'_, C> {
     type Item = usize;
-    type Items = RangeFrom<usize>;
+    type Items = Range<usize>;
 
-    fn items(&self) -> RangeFrom<usize> {
-        0..
+    fn items(&self) -> Range<usize> {
+        0..usize::MAX
     }
 
     fn code<Q: Quantise>(&mut self, channel: usize, predicted: i32, quantiser: &Q, state: &State) -> i32 {
@@ -115,10 +115,10 @@ impl Channels<'_> {
         mut source: S,
     ) -> usize {
         match codec {
-            Codec::Dpcm { order: 0 | 1 } => {
+            Codec::Dpcm { order: 0 | 1 } if cfg!(feature = "dpcm") => {
                 return fused(self.pose, self.states, &First, &mut source, codes, position);
             }
-            Codec::Dpcm { .. } => {
+            Codec::Dpcm { .. } if cfg!(feature = "dpcm") => {
                 return fused(self.pose, self.states, &Second, &mut source, codes, position);
             }
             _ => {}
@@ -171,23 +171,27 @@ impl Channels<'_> {
     fn run<C: Codes>(self, codec: &Codec<'_>, codes: &mut C) {
         let Self { pose, states, correlations, rings, frame } = self;
         match codec {
-            Codec::Pcm => codes.uniform(pose, states, &Constant),
-            Codec::MuLaw(law) => serial(pose, states, &First, law, codes),
-            Codec::Dpcm { order: 0 | 1 } => codes.uniform(pose, states, &First),
-            Codec::Adpcm(Adpcm { quantiser, predictor: None }) if quantiser.adapts() => {
+            Codec::Pcm if cfg!(feature = "pcm") => codes.uniform(pose, states, &Constant),
+            Codec::MuLaw(law) if cfg!(feature = "mulaw") => serial(pose, states, &First, law, codes),
+            Codec::Dpcm { order: 0 | 1 } if cfg!(feature = "dpcm") => codes.uniform(pose, states, &First),
+            Codec::Adpcm(Adpcm { quantiser, predictor: None })
+                if cfg!(feature = "adaptive-step") && quantiser.adapts() =>
+            {
                 serial(pose, states, &Second, quantiser, codes);
             }
-            Codec::Dpcm { .. } | Codec::Adpcm(Adpcm { predictor: None, .. }) => {
+            Codec::Dpcm { .. } | Codec::Adpcm(Adpcm { predictor: None, .. }) if cfg!(feature = "dpcm") => {
                 codes.uniform(pose, states, &Second);
             }
-            Codec::Adpcm(Adpcm { quantiser, predictor: Some(adaptation) }) => {
+            Codec::Adpcm(Adpcm { quantiser, predictor: Some(adaptation) })
+                if cfg!(feature = "adaptive-predictor") =>
+            {
                 let words = adaptation.ring_words();
                 if words > 0 {
                     let slots = Slots::at(frame, adaptation.window);
                     let rings = correlations.iter_mut().zip(rings.chunks_exact_mut(words));
                     let follow = rings.map(move |(correlation, ring)| Sliding { correlation, ring, slots });
                     // A step that does not adapt is kept as a size, not as an index.
-                    if quantiser.adapts() {
+                    if cfg!(feature = "adaptive-step") && quantiser.adapts() {
                         adaptive(pose, states, follow, quantiser, codes);
                     } else {
                         adaptive(pose, states, follow, &Uniform, codes);
@@ -196,20 +200,24 @@ impl Channels<'_> {
                     let window = adaptation.window.into();
                     let follow =
                         correlations.iter_mut().map(move |correlation| Exponential { correlation, window });
-                    if quantiser.adapts() {
+                    if cfg!(feature = "adaptive-step") && quantiser.adapts() {
                         adaptive(pose, states, follow, quantiser, codes);
                     } else {
                         adaptive(pose, states, follow, &Uniform, codes);
                     }
                 }
             }
-            Codec::Qmd(table) => serial(pose, states, &First, table, codes),
+            Codec::Qmd(table) if cfg!(feature = "lookup") => serial(pose, states, &First, table, codes),
+            // Refused by `Codec::check_linked`.
+            _ => {}
         }
     }
 
     /// Solves for coefficients, where they adapt, after a frame.
     fn solve(self, codec: &Codec<'_>) {
-        if let Codec::Adpcm(Adpcm { predictor: Some(adaptation), .. }) = codec {
+        if let Codec::Adpcm(Adpcm { predictor: Some(adaptation), .. }) = codec
+            && cfg!(feature = "adaptive-predictor")
+        {
             solve(self.states, self.correlations, *adaptation, self.frame);
         }
     }

@@ -77,6 +77,19 @@ impl EntropyId {
         Self::ALL.get(usize::from(id)).copied()
     }
 
+    /// Says whether it was linked.
+    ///
+    /// # Errors
+    /// [`Error::NotLinked`].
+    pub const fn check_linked(self) -> Result<(), Error> {
+        let (linked, feature) = match self {
+            Self::FixedWidth => (cfg!(feature = "fixed-width"), "fixed-width"),
+            Self::Huffman => (cfg!(feature = "huffman"), "huffman"),
+            Self::AdaptiveHuffman => (cfg!(feature = "adaptive-huffman"), "adaptive-huffman"),
+        };
+        if linked { Ok(()) } else { Err(Error::NotLinked { feature }) }
+    }
+
     /// Its number.
     pub const fn id(self) -> u8 {
         self as u8
@@ -188,6 +201,30 @@ impl<'a> Codec<'a> {
             },
             (CodecId::Qmd, levels) => Lookup::new(levels).map(Self::Qmd).ok_or(error),
             _ => Err(error),
+        }
+    }
+
+    /// Says whether what it is composed of was linked.
+    ///
+    /// # Errors
+    /// [`Error::NotLinked`].
+    pub fn check_linked(&self) -> Result<(), Error> {
+        let linked = |is: bool, feature| if is { Ok(()) } else { Err(Error::NotLinked { feature }) };
+        match self {
+            Self::Pcm => linked(cfg!(feature = "pcm"), "pcm"),
+            Self::MuLaw(_) => linked(cfg!(feature = "mulaw"), "mulaw"),
+            Self::Dpcm { .. } => linked(cfg!(feature = "dpcm"), "dpcm"),
+            Self::Adpcm(Adpcm { quantiser, predictor }) => {
+                if quantiser.adapts() {
+                    linked(cfg!(feature = "adaptive-step"), "adaptive-step")?;
+                }
+                match predictor {
+                    Some(_) => linked(cfg!(feature = "adaptive-predictor"), "adaptive-predictor"),
+                    None if quantiser.adapts() => Ok(()),
+                    None => linked(cfg!(feature = "dpcm"), "dpcm"),
+                }
+            }
+            Self::Qmd(_) => linked(cfg!(feature = "lookup"), "lookup"),
         }
     }
 

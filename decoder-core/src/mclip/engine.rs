@@ -146,27 +146,37 @@ impl<'a, 's> Engine<'a, 's> {
         *frame = frame.wrapping_add(1);
         let (codec, frame) = (header.codec(), *frame);
         match source {
-            Source::FixedWidth => {
+            Source::FixedWidth if cfg!(feature = "fixed-width") => {
                 let bytes = codes.get(position >> 3..).unwrap_or_default();
                 let rest = match codec {
-                    Codec::Pcm => octets::step(pose, states, &Constant, &Uniform, bytes),
-                    Codec::Dpcm { order: 0 | 1 } => octets::step(pose, states, &First, &Uniform, bytes),
-                    Codec::Dpcm { .. } => octets::step(pose, states, &Second, &Uniform, bytes),
-                    Codec::Adpcm(Adpcm { quantiser, predictor: None }) if quantiser.adapts() => {
+                    Codec::Pcm if cfg!(feature = "pcm") => {
+                        octets::step(pose, states, &Constant, &Uniform, bytes)
+                    }
+                    Codec::Dpcm { order: 0 | 1 } if cfg!(feature = "dpcm") => {
+                        octets::step(pose, states, &First, &Uniform, bytes)
+                    }
+                    Codec::Dpcm { .. } if cfg!(feature = "dpcm") => {
+                        octets::step(pose, states, &Second, &Uniform, bytes)
+                    }
+                    Codec::Adpcm(Adpcm { quantiser, predictor: None })
+                        if cfg!(feature = "adaptive-step") && quantiser.adapts() =>
+                    {
                         octets::step(pose, states, &Second, quantiser, bytes)
                     }
                     _ => Channels { pose, states, correlations, rings, frame }.step_unpacked(codec, bytes),
                 };
                 Ok(codes.len().wrapping_sub(rest.ok_or(())?.len()).wrapping_mul(8))
             }
-            Source::Huffman(source) => {
+            Source::Huffman(source) if cfg!(feature = "huffman") => {
                 let channels = Channels { pose, states, correlations, rings, frame };
                 within(channels.step_coded(codec, codes, position, *source), codes)
             }
-            Source::Adaptive(source) => {
+            Source::Adaptive(source) if cfg!(feature = "adaptive-huffman") => {
                 let channels = Channels { pose, states, correlations, rings, frame };
                 within(channels.step_coded(codec, codes, position, source), codes)
             }
+            // Refused by `EntropyId::check_linked`.
+            _ => Err(()),
         }
     }
 
@@ -255,7 +265,7 @@ fn enter(
     keep: bool,
     mut value: impl FnMut(usize, u32, u32) -> i32,
 ) {
-    for (channel, (pose, state)) in pose.iter_mut().zip(states).enumerate() {
+    for (channel, (pose, state)) in (0..usize::MAX).zip(pose.iter_mut().zip(states)) {
         if state.bits() > 0 {
             let (bits, shift) = state.entry();
             let first = value(channel, shift, bits).wrapping_shl(shift);

@@ -204,6 +204,8 @@ impl<'a> Header<'a> {
         let codec = Codec::read(codec, opening.parameters, at)?;
         let entropy =
             EntropyId::from_id(opening.entropy).ok_or(unsupported(Field::Entropy, opening.entropy))?;
+        codec.check_linked()?;
+        entropy.check_linked()?;
         let tables = Error::Encoding { field: Field::CodeTables, at };
         match (entropy, opening.tables) {
             (EntropyId::FixedWidth, []) => {}

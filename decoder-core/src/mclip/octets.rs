@@ -40,7 +40,7 @@ pub(super) fn unpack<'b>(
         let (now, later) = alike(states)?;
         states = later;
         let (out_now, out_later) =
-            mem::take(&mut out).split_at_mut_checked(now.len().next_multiple_of(OCTET))?;
+            mem::take(&mut out).split_at_mut_checked(now.len().wrapping_add(OCTET - 1) & !(OCTET - 1))?;
         out = out_later;
         codes = match first.context {
             4 => all::<4>(now.len(), out_now, codes)?,
@@ -71,7 +71,7 @@ fn all<'b, const BITS: usize>(count: usize, out: &mut [i32], codes: &'b [u8]) ->
     let (out, _) = out.as_chunks_mut::<OCTET>();
     let mut out = out.iter_mut();
     for (octet, out) in octets.iter().zip(&mut out) {
-        for (lane, out) in out.iter_mut().enumerate() {
+        for (lane, out) in (0..OCTET).zip(out) {
             *out = field(octet, lane);
         }
     }
@@ -91,7 +91,7 @@ fn whole<const BITS: usize>(out: &mut [i32; OCTET], codes: &[u8]) {
         scratch = filled(codes);
         &scratch
     };
-    for (lane, out) in out.iter_mut().enumerate() {
+    for (lane, out) in (0..OCTET).zip(out) {
         *out = field(octet, lane);
     }
 }

@@ -9,7 +9,7 @@ const DECODE: Image<'static> = Image {
     package: "profile-image",
     source: "tests/profile-image",
     binary: "decode",
-    features: "",
+    features: "all",
     targets: &[],
     folder: "profile",
     files: &[],
@@ -54,7 +54,8 @@ pub fn prefix_images(targets: &[&str]) -> Result<Vec<Vec<u8>>> {
 /// As [`Image::build`].
 pub fn tick_images(clip: &[u8], map: &[u8], targets: &[&str], lent: bool) -> Result<Vec<Vec<u8>>> {
     let files = &[file(clip), ("BUNRAKU_MAP", "map.postcard", map)];
-    Image { binary: "tick", features: "tick", targets, files, variables: &[table(lent)], ..DECODE }.build()
+    Image { binary: "tick", features: "tick,all", targets, files, variables: &[table(lent)], ..DECODE }
+        .build()
 }
 
 /// The clip as the build script takes it.
