@@ -1,6 +1,7 @@
 //! What a decoder says about bytes that it will not play.
 
 use core::fmt;
+use serde::{Deserialize, Serialize};
 
 /// What the caller is ready to hold. A count from a file is checked once against it, where it is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,8 +17,73 @@ impl Limits {
     pub const MAX: Self = Self { channels: u16::MAX, frames: u32::MAX };
 }
 
+/// A feature of this crate: a part of the decoder of .mclip that may be left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Feature {
+    /// pcm.
+    Pcm,
+    /// mulaw.
+    MuLaw,
+    /// dpcm.
+    Dpcm,
+    /// adpcm whose steps adapt.
+    AdaptiveStep,
+    /// adpcm whose predictor adapts.
+    AdaptivePredictor,
+    /// qmd in a .mclip.
+    Lookup,
+    /// Codes of fixed width.
+    FixedWidth,
+    /// Static Huffman codes.
+    Huffman,
+    /// Adaptive Huffman codes.
+    AdaptiveHuffman,
+}
+
+impl Feature {
+    /// Its name in Cargo.toml.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pcm => "pcm",
+            Self::MuLaw => "mulaw",
+            Self::Dpcm => "dpcm",
+            Self::AdaptiveStep => "adaptive-step",
+            Self::AdaptivePredictor => "adaptive-predictor",
+            Self::Lookup => "lookup",
+            Self::FixedWidth => "fixed-width",
+            Self::Huffman => "huffman",
+            Self::AdaptiveHuffman => "adaptive-huffman",
+        }
+    }
+
+    /// Whether it was linked.
+    pub const fn is_linked(self) -> bool {
+        match self {
+            Self::Pcm => cfg!(feature = "pcm"),
+            Self::MuLaw => cfg!(feature = "mulaw"),
+            Self::Dpcm => cfg!(feature = "dpcm"),
+            Self::AdaptiveStep => cfg!(feature = "adaptive-step"),
+            Self::AdaptivePredictor => cfg!(feature = "adaptive-predictor"),
+            Self::Lookup => cfg!(feature = "lookup"),
+            Self::FixedWidth => cfg!(feature = "fixed-width"),
+            Self::Huffman => cfg!(feature = "huffman"),
+            Self::AdaptiveHuffman => cfg!(feature = "adaptive-huffman"),
+        }
+    }
+
+    /// Says whether it was linked.
+    ///
+    /// # Errors
+    /// [`Error::NotLinked`].
+    pub const fn check(self) -> Result<(), Error> {
+        if self.is_linked() { Ok(()) } else { Err(Error::NotLinked { feature: self }) }
+    }
+}
+
 /// A field of a file, as an error names it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Field {
@@ -134,7 +200,7 @@ impl Field {
 }
 
 /// Why bytes are not a clip that can be played here. Offsets are bytes from the start of the clip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Error {
@@ -176,11 +242,6 @@ pub enum Error {
         /// Its number.
         found: u32,
     },
-    /// A codec or stage that this decoder could play, but that was left out when it was built.
-    NotLinked {
-        /// The feature of the crate decoder-core that has it.
-        feature: &'static str,
-    },
     /// Bytes were damaged.
     Checksum {
         /// What they are.
@@ -210,6 +271,11 @@ pub enum Error {
         /// Elements that were lent.
         lent: usize,
     },
+    /// A codec or stage that this decoder could play, but that was left out when it was built.
+    NotLinked {
+        /// What has it.
+        feature: Feature,
+    },
 }
 
 impl fmt::Display for Error {
@@ -226,7 +292,11 @@ impl fmt::Display for Error {
                 write!(f, "{} {found} is not supported by this version of Bunraku", field.name())
             }
             Self::NotLinked { feature } => {
-                write!(f, "the clip needs the feature {feature}, which this decoder was built without")
+                write!(
+                    f,
+                    "the clip needs the feature {}, which this decoder was built without",
+                    feature.name()
+                )
             }
             Self::Checksum { field, at, found, expected } => write!(
                 f,
@@ -264,7 +334,7 @@ mod tests {
             ),
             (Error::Encoding { field, at: 7 }, "byte 7: the hierarchy level cannot be read"),
             (
-                Error::NotLinked { feature: "huffman" },
+                Error::NotLinked { feature: Feature::Huffman },
                 "the clip needs the feature huffman, which this decoder was built without",
             ),
             (

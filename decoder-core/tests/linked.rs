@@ -3,28 +3,28 @@
 //! `cargo test -p decoder-core --test linked --no-default-features --features dpcm,huffman`
 
 use decoder_core::mclip::{Adpcm, Clip, Codec, CodecId, EntropyId, MAGIC};
-use decoder_core::{Error, Limits};
+use decoder_core::{Error, Feature, Limits};
 use std::fs;
 use std::path::Path;
 
-/// The features that a vector needs, by its name in the order of its parts.
-fn needed(codec: &Codec<'_>, entropy: EntropyId) -> Vec<(&'static str, bool)> {
+/// The features that a vector needs, in the order in which they are looked at.
+fn needed(codec: &Codec<'_>, entropy: EntropyId) -> Vec<(Feature, bool)> {
     let mut needed = match codec {
-        Codec::Pcm => vec![("pcm", cfg!(feature = "pcm"))],
-        Codec::MuLaw(_) => vec![("mulaw", cfg!(feature = "mulaw"))],
-        Codec::Dpcm { .. } => vec![("dpcm", cfg!(feature = "dpcm"))],
-        Codec::Qmd(_) => vec![("lookup", cfg!(feature = "lookup"))],
+        Codec::Pcm => vec![(Feature::Pcm, cfg!(feature = "pcm"))],
+        Codec::MuLaw(_) => vec![(Feature::MuLaw, cfg!(feature = "mulaw"))],
+        Codec::Dpcm { .. } => vec![(Feature::Dpcm, cfg!(feature = "dpcm"))],
+        Codec::Qmd(_) => vec![(Feature::Lookup, cfg!(feature = "lookup"))],
         Codec::Adpcm(Adpcm { quantiser, predictor }) => {
-            let step = ("adaptive-step", cfg!(feature = "adaptive-step"));
-            let predicts = ("adaptive-predictor", cfg!(feature = "adaptive-predictor"));
+            let step = (Feature::AdaptiveStep, cfg!(feature = "adaptive-step"));
+            let predicts = (Feature::AdaptivePredictor, cfg!(feature = "adaptive-predictor"));
             let parts = [(step, quantiser.adapts()), (predicts, predictor.is_some())];
             parts.into_iter().filter(|&(_, has)| has).map(|(part, _)| part).collect()
         }
     };
     needed.push(match entropy {
-        EntropyId::FixedWidth => ("fixed-width", cfg!(feature = "fixed-width")),
-        EntropyId::Huffman => ("huffman", cfg!(feature = "huffman")),
-        EntropyId::AdaptiveHuffman => ("adaptive-huffman", cfg!(feature = "adaptive-huffman")),
+        EntropyId::FixedWidth => (Feature::FixedWidth, cfg!(feature = "fixed-width")),
+        EntropyId::Huffman => (Feature::Huffman, cfg!(feature = "huffman")),
+        EntropyId::AdaptiveHuffman => (Feature::AdaptiveHuffman, cfg!(feature = "adaptive-huffman")),
     });
     needed
 }

@@ -6,7 +6,9 @@
 
 pub mod blender;
 pub mod bus;
+pub mod clips;
 pub mod clock;
+pub mod device;
 pub mod drive;
 pub mod dynamixel;
 pub mod fault;
@@ -15,10 +17,14 @@ pub mod idle;
 pub mod interpolate;
 pub mod library;
 pub mod limits;
+pub mod link;
 pub mod machine;
 pub mod map;
 pub mod pca9685;
 pub mod protocol1;
 pub mod pwm;
 pub mod stage;
+pub mod store;
+pub mod stream;
 pub mod voice;
+pub mod wearable;

@@ -3,8 +3,11 @@
 
 pub mod board;
 pub mod clip;
+pub mod device;
 pub mod files;
+pub mod flash;
 pub mod image;
+pub mod link;
 pub mod peers;
 pub mod picture;
 pub mod play;
@@ -13,6 +16,7 @@ pub mod puppet;
 pub mod qemu;
 mod qemu_log;
 pub mod rd;
+pub mod rp2040js;
 pub mod servos;
 pub mod thumb;
 pub mod within;

@@ -22,13 +22,19 @@ enum Command {
     Optimize(commands::optimize::Args),
     Play(commands::play::Args),
     Profile(commands::profile::Args),
+    Image(commands::image::Args),
     Qemu(commands::qemu::Args),
     Demo(commands::demo::Args),
     Bench(commands::bench::Args),
     Table1(commands::table1::Args),
     Servos(commands::servos::Args),
+    Device(commands::device::Args),
+    Push(commands::push::Args),
+    Stream(commands::stream::Args),
+    Monitor(commands::monitor::Args),
     Rd(commands::rd::Args),
     Train(commands::train::Args),
+    Wearable(commands::wearable::Args),
 }
 
 /// Exit code of a check that failed, as against 2 for a usage error.
@@ -55,12 +61,18 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Optimize(args) => commands::optimize::run(args),
         Command::Play(args) => commands::play::run(args),
         Command::Profile(args) => commands::profile::run(args),
+        Command::Image(args) => commands::image::run(args),
         Command::Qemu(args) => commands::qemu::run(args),
         Command::Demo(args) => commands::demo::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Table1(args) => commands::table1::run(args),
         Command::Servos(args) => commands::servos::run(args),
+        Command::Device(args) => commands::device::run(args),
+        Command::Push(args) => commands::push::run(args),
+        Command::Stream(args) => commands::stream::run(args),
+        Command::Monitor(args) => commands::monitor::run(args),
         Command::Rd(args) => commands::rd::run(args),
         Command::Train(args) => commands::train::run(args),
+        Command::Wearable(args) => commands::wearable::run(args),
     }
 }

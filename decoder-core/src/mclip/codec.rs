@@ -9,7 +9,7 @@
 //! | qmd | the last value | look-up table |
 
 use super::header::check;
-use crate::error::{Error, Field};
+use crate::error::{Error, Feature, Field};
 use crate::predict::adaptive::MAX_WINDOW;
 use crate::predict::window::{LONGEST, SHORTEST};
 use crate::quantise::adaptive::CLASSES;
@@ -82,12 +82,11 @@ impl EntropyId {
     /// # Errors
     /// [`Error::NotLinked`].
     pub const fn check_linked(self) -> Result<(), Error> {
-        let (linked, feature) = match self {
-            Self::FixedWidth => (cfg!(feature = "fixed-width"), "fixed-width"),
-            Self::Huffman => (cfg!(feature = "huffman"), "huffman"),
-            Self::AdaptiveHuffman => (cfg!(feature = "adaptive-huffman"), "adaptive-huffman"),
-        };
-        if linked { Ok(()) } else { Err(Error::NotLinked { feature }) }
+        match self {
+            Self::FixedWidth => Feature::FixedWidth.check(),
+            Self::Huffman => Feature::Huffman.check(),
+            Self::AdaptiveHuffman => Feature::AdaptiveHuffman.check(),
+        }
     }
 
     /// Its number.
@@ -209,22 +208,21 @@ impl<'a> Codec<'a> {
     /// # Errors
     /// [`Error::NotLinked`].
     pub fn check_linked(&self) -> Result<(), Error> {
-        let linked = |is: bool, feature| if is { Ok(()) } else { Err(Error::NotLinked { feature }) };
         match self {
-            Self::Pcm => linked(cfg!(feature = "pcm"), "pcm"),
-            Self::MuLaw(_) => linked(cfg!(feature = "mulaw"), "mulaw"),
-            Self::Dpcm { .. } => linked(cfg!(feature = "dpcm"), "dpcm"),
+            Self::Pcm => Feature::Pcm.check(),
+            Self::MuLaw(_) => Feature::MuLaw.check(),
+            Self::Dpcm { .. } => Feature::Dpcm.check(),
             Self::Adpcm(Adpcm { quantiser, predictor }) => {
                 if quantiser.adapts() {
-                    linked(cfg!(feature = "adaptive-step"), "adaptive-step")?;
+                    Feature::AdaptiveStep.check()?;
                 }
                 match predictor {
-                    Some(_) => linked(cfg!(feature = "adaptive-predictor"), "adaptive-predictor"),
+                    Some(_) => Feature::AdaptivePredictor.check(),
                     None if quantiser.adapts() => Ok(()),
-                    None => linked(cfg!(feature = "dpcm"), "dpcm"),
+                    None => Feature::Dpcm.check(),
                 }
             }
-            Self::Qmd(_) => linked(cfg!(feature = "lookup"), "lookup"),
+            Self::Qmd(_) => Feature::Lookup.check(),
         }
     }
 

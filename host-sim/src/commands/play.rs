@@ -6,15 +6,16 @@ use host_sim::board;
 use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::play::{self, Recording, seconds};
-use host_sim::puppet::Puppet;
-use host_sim::thumb::Usage;
+use host_sim::puppet::{Map, Puppet};
+use host_sim::rp2040js;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Play a clip on the virtual servos of a puppet, and log every goal position that they are told.
 ///
-/// On the host, the firmware's player runs in this program; on qemu and sim, it runs on a Cortex-M4 board, whose image is
-/// built for the clip and the puppet. All three logs are the same. sim counts cycles, so it says how long the core was awake.
+/// On the host, the firmware's player runs in this program; on qemu and sim, it runs on a Cortex-M4 board, and on rp2040 on a
+/// Raspberry Pi Pico, whose image is built for the clip and the puppet. All logs are the same. sim and rp2040 count cycles, so they
+/// say how long the core was awake.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on qemu --log walk.csv"
@@ -51,35 +52,35 @@ enum On {
     Qemu,
     /// On the simulated Cortex-M4, which counts cycles.
     Sim,
+    /// On a Raspberry Pi Pico in the emulator rp2040js, which counts cycles too.
+    Rp2040,
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
     let bytes = files::read(&args.clip)?;
     let name = args.clip.display();
     let clip = Clip::parse(&args.clip, &bytes)?;
-    let centihertz = args.fps.map_or(Ok(0), centihertz)?;
-    if centihertz == 0 && clip.rate_centihertz() == 0 {
-        bail!("{name} does not say its frame rate: give one with --fps");
-    }
-    let puppet = Puppet::read(&args.puppet)?;
-    let skeleton = args.skeleton.or_else(|| puppet.skeleton()).ok_or_else(|| {
-        anyhow!("{} names no skeleton, expected the key \"skeleton\" or --skeleton", args.puppet.display())
-    })?;
-    let skeleton = encoder::import::load_skeleton(&skeleton)?;
-    let (found, expected) = (clip.channels(), skeleton.channels.len());
-    if found != expected {
-        bail!("{name} has {found} channels, expected {expected} as in the skeleton");
-    }
-    let map = puppet.map(&skeleton)?;
+    let centihertz = rate(&args.clip, &clip, args.fps)?;
+    let map = map(&args.clip, &clip, &args.puppet, args.skeleton)?;
 
     let log = &mut |line: &str| eprintln!("{line}");
     let played = match args.on {
         On::Host => play::on_host(&clip, &map, centihertz).map(|recording| (recording, None)),
         On::Qemu => play::on_qemu(&clip, &bytes, &map, centihertz, log).map(|recording| (recording, None)),
-        On::Sim => play::on_sim(&clip, &bytes, &map, centihertz, log)
-            .map(|(recording, usage)| (recording, Some(usage))),
+        On::Sim => play::on_sim(&clip, &bytes, &map, centihertz, log).map(|(recording, usage)| {
+            (recording, Some(Spent::of(usage.cycles, usage.asleep, board::QEMU_CLOCK_HZ)))
+        }),
+        On::Rp2040 => play::on_rp2040(&clip, &bytes, &map, centihertz, log).map(|(recording, figures)| {
+            eprintln!(
+                "the bus changed its direction at most {:.1} µs after a packet",
+                figures.turnaround_nanos as f64 / 1e3
+            );
+            let cycles = (u128::from(figures.nanos) * u128::from(rp2040js::CLOCK_HZ) / 1_000_000_000) as u64;
+            let asleep = cycles.saturating_sub(figures.cycles);
+            (recording, Some(Spent::of(cycles, asleep, rp2040js::CLOCK_HZ)))
+        }),
     };
-    let (recording, usage) = played.with_context(|| format!("cannot play {name}"))?;
+    let (recording, spent) = played.with_context(|| format!("cannot play {name}"))?;
     if let Some(log) = &args.log {
         write_log(log, &recording)?;
     }
@@ -89,8 +90,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let report = serde_json::json!({
             "on": args.on, "ticks": recording.ticks, "servos": servos, "servo_hz": map.tick_hz(),
             "seconds": duration as f64 / 1e6, "goals": recording.goals.len(), "log": args.log,
-            "cycles": usage.map(|usage| usage.cycles), "cycles_asleep": usage.map(|usage| usage.asleep),
-            "awake": usage.map(awake),
+            "cycles": spent.map(|spent| spent.cycles), "cycles_asleep": spent.map(|spent| spent.asleep),
+            "awake": spent.map(|spent| spent.awake),
         });
         println!("{report:#}");
     } else {
@@ -100,23 +101,57 @@ pub fn run(args: Args) -> Result<ExitCode> {
             map.tick_hz(),
             seconds(duration)
         );
-        if let Some(usage) = usage {
+        if let Some(spent) = spent {
             println!(
                 "  {} cycles at {} MHz, of which {} awake: {:.3} %, {:.0} cycles a tick",
-                usage.cycles,
-                board::CLOCK_HZ / 1_000_000,
-                usage.cycles - usage.asleep,
-                100.0 * awake(usage),
-                (usage.cycles - usage.asleep) as f64 / f64::from(recording.ticks.max(1)),
+                spent.cycles,
+                spent.clock_hz / 1_000_000,
+                spent.cycles - spent.asleep,
+                100.0 * spent.awake,
+                (spent.cycles - spent.asleep) as f64 / f64::from(recording.ticks.max(1)),
             );
         }
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// The part of its cycles that a core was not asleep.
-fn awake(usage: Usage) -> f64 {
-    1.0 - usage.asleep as f64 / usage.cycles as f64
+/// How a core's cycles were spent.
+#[derive(Clone, Copy)]
+struct Spent {
+    cycles: u64,
+    asleep: u64,
+    clock_hz: u32,
+    /// The part in which it was not asleep.
+    awake: f64,
+}
+
+impl Spent {
+    fn of(cycles: u64, asleep: u64, clock_hz: u32) -> Self {
+        Self { cycles, asleep, clock_hz, awake: 1.0 - asleep as f64 / cycles as f64 }
+    }
+}
+
+/// The rate to play at in hundredths of a hertz, or 0 for the clip's own.
+pub fn rate(path: &Path, clip: &Clip<'_>, fps: Option<f64>) -> Result<u16> {
+    let centihertz = fps.map_or(Ok(0), centihertz)?;
+    if centihertz == 0 && clip.rate_centihertz() == 0 {
+        bail!("{} does not say its frame rate: give one with --fps", path.display());
+    }
+    Ok(centihertz)
+}
+
+/// The joint map of a puppet for the clip at `path`.
+pub fn map(path: &Path, clip: &Clip<'_>, puppet: &Path, skeleton: Option<PathBuf>) -> Result<Map> {
+    let file = Puppet::read(puppet)?;
+    let skeleton = skeleton.or_else(|| file.skeleton()).ok_or_else(|| {
+        anyhow!("{} names no skeleton, expected the key \"skeleton\" or --skeleton", puppet.display())
+    })?;
+    let skeleton = encoder::import::load_skeleton(&skeleton)?;
+    let (found, expected) = (clip.channels(), skeleton.channels.len());
+    if found != expected {
+        bail!("{} has {found} channels, expected {expected} as in the skeleton", path.display());
+    }
+    file.map(&skeleton)
 }
 
 fn centihertz(fps: f64) -> Result<u16> {
