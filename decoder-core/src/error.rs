@@ -17,6 +17,71 @@ impl Limits {
     pub const MAX: Self = Self { channels: u16::MAX, frames: u32::MAX };
 }
 
+/// A feature of this crate: a part of the decoder of .mclip that may be left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Feature {
+    /// pcm.
+    Pcm,
+    /// mulaw.
+    MuLaw,
+    /// dpcm.
+    Dpcm,
+    /// adpcm whose steps adapt.
+    AdaptiveStep,
+    /// adpcm whose predictor adapts.
+    AdaptivePredictor,
+    /// qmd in a .mclip.
+    Lookup,
+    /// Codes of fixed width.
+    FixedWidth,
+    /// Static Huffman codes.
+    Huffman,
+    /// Adaptive Huffman codes.
+    AdaptiveHuffman,
+}
+
+impl Feature {
+    /// Its name in Cargo.toml.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pcm => "pcm",
+            Self::MuLaw => "mulaw",
+            Self::Dpcm => "dpcm",
+            Self::AdaptiveStep => "adaptive-step",
+            Self::AdaptivePredictor => "adaptive-predictor",
+            Self::Lookup => "lookup",
+            Self::FixedWidth => "fixed-width",
+            Self::Huffman => "huffman",
+            Self::AdaptiveHuffman => "adaptive-huffman",
+        }
+    }
+
+    /// Whether it was linked.
+    pub const fn is_linked(self) -> bool {
+        match self {
+            Self::Pcm => cfg!(feature = "pcm"),
+            Self::MuLaw => cfg!(feature = "mulaw"),
+            Self::Dpcm => cfg!(feature = "dpcm"),
+            Self::AdaptiveStep => cfg!(feature = "adaptive-step"),
+            Self::AdaptivePredictor => cfg!(feature = "adaptive-predictor"),
+            Self::Lookup => cfg!(feature = "lookup"),
+            Self::FixedWidth => cfg!(feature = "fixed-width"),
+            Self::Huffman => cfg!(feature = "huffman"),
+            Self::AdaptiveHuffman => cfg!(feature = "adaptive-huffman"),
+        }
+    }
+
+    /// Says whether it was linked.
+    ///
+    /// # Errors
+    /// [`Error::NotLinked`].
+    pub const fn check(self) -> Result<(), Error> {
+        if self.is_linked() { Ok(()) } else { Err(Error::NotLinked { feature: self }) }
+    }
+}
+
 /// A field of a file, as an error names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -206,6 +271,11 @@ pub enum Error {
         /// Elements that were lent.
         lent: usize,
     },
+    /// A codec or stage that this decoder could play, but that was left out when it was built.
+    NotLinked {
+        /// What has it.
+        feature: Feature,
+    },
 }
 
 impl fmt::Display for Error {
@@ -220,6 +290,13 @@ impl fmt::Display for Error {
             Self::Encoding { field, at } => write!(f, "byte {at}: the {} cannot be read", field.name()),
             Self::Unsupported { field, found } => {
                 write!(f, "{} {found} is not supported by this version of Bunraku", field.name())
+            }
+            Self::NotLinked { feature } => {
+                write!(
+                    f,
+                    "the clip needs the feature {}, which this decoder was built without",
+                    feature.name()
+                )
             }
             Self::Checksum { field, at, found, expected } => write!(
                 f,
@@ -256,6 +333,10 @@ mod tests {
                 "byte 7: hierarchy level is 9, expected 1 to 8",
             ),
             (Error::Encoding { field, at: 7 }, "byte 7: the hierarchy level cannot be read"),
+            (
+                Error::NotLinked { feature: Feature::Huffman },
+                "the clip needs the feature huffman, which this decoder was built without",
+            ),
             (
                 Error::Unsupported { field: Field::Version, found: 9 },
                 "format version 9 is not supported by this version of Bunraku",

@@ -32,5 +32,5 @@ pub mod quantise;
 #[cfg(test)]
 mod testing;
 
-pub use error::{Error, Field, Limits};
+pub use error::{Error, Feature, Field, Limits};
 pub use fixed::types::I16F16;

@@ -97,25 +97,27 @@ class Channel:
         bit_packing, step_packing, entry_packing, group_packing, predictor_packing = packings
         self.is_first, kind = bits.take(1), bits.take(3)
         self.name = names.bytes().decode() if self.is_first and names.data else None
-        self.bits, self.step, self.entry_bits = (l + bits.take(w) for l, w in (bit_packing, step_packing, entry_packing))
-        self.group, self.alpha = 0, [0, 0]
+        self.bits, self.step = (l + bits.take(w) for l, w in (bit_packing, step_packing))
+        self.group = self.alpha = self.entry_bits = self.low = 0
         if self.bits:
             self.group = group_packing[0] + bits.take(group_packing[1])
             if is_pcm:
-                self.alpha = [bits.take(15), 0]
+                self.alpha = bits.take(15)
             else:
-                number = predictor_packing[0] + bits.take(predictor_packing[1])
-                self.alpha = list(predictors[number])
+                self.entry_bits = entry_packing[0] + bits.take(entry_packing[1])
+                self.alpha = predictors[predictor_packing[0] + bits.take(predictor_packing[1])]
+                assert 1 <= self.entry_bits <= 32
         self.shift = self.step if is_pcm else max(3 + self.step // 8 - precision, 0)
-        low = shift = 0
-        while True:
-            part = bits.take(4)
-            low |= (part & 7) << shift
-            shift += 3
-            if part < 8:
-                break
-        self.low = wrap(signed(low % 2**32) << (self.shift + max(self.entry_bits - 2, 0)))
-        assert kind <= 6 and self.bits <= 16 and self.entry_bits <= (0 if is_pcm else 32)
+        if is_pcm or not self.bits:
+            low = shift = 0
+            while True:
+                part = bits.take(4)
+                low |= (part & 7) << shift
+                shift += 3
+                if part < 8:
+                    break
+            self.low = wrap(signed(low % 2**32) << self.shift)
+        assert kind <= 6 and self.bits <= 16
 
 
 class State:
@@ -123,9 +125,10 @@ class State:
 
     def __init__(self, channel, value):
         self.x1 = self.x2 = value
-        self.bits, self.step, self.group, self.alpha = channel.bits, channel.step, channel.group, channel.alpha
+        self.bits, self.step, self.group, self.coefficient = channel.bits, channel.step, channel.group, channel.alpha
         self.low, self.level = channel.low, 0
         self.d1 = self.d2 = 0
+        self.alpha = [0, 0]
         self.r = [0, 0, 0]
         self.moved = []
 
@@ -246,8 +249,8 @@ class Clip:
         self.frames, m, self.block_bytes = fields.varint(), fields.varint(), fields.varint()
         self.ram, self.delay, self.codec, entropy = fields.varint(), fields.varint(), fields.u8(), fields.u8()
         self.parameters, self.tables, self.cycles = fields.bytes(), fields.bytes(), fields.bytes()
-        pairs, records, names = fields.bytes(), Bits(fields.bytes()), Fields(fields.bytes())
-        predictors = list(struct.iter_unpack("<2h", pairs)) or [(0, 0)]
+        coefficients, records, names = fields.bytes(), Bits(fields.bytes()), Fields(fields.bytes())
+        predictors = [a for (a,) in struct.iter_unpack("<h", coefficients)] or [0]
         precision = records.take(4)
         packings = [(records.take(8), records.take(4)) for _ in range(5)]
         assert all(least + 2**width <= 256 for least, width in packings)
@@ -295,16 +298,16 @@ class Clip:
         self.source.reset()
         self.states = []
         for channel in self.channels:
-            value = bits.take(channel.entry_bits)
-            self.states.append(State(channel, wrap(channel.low + (value << channel.shift))))
+            value = bits.signed(channel.entry_bits) << channel.shift if channel.entry_bits else channel.low
+            self.states.append(State(channel, wrap(value)))
         self.align(bits)
 
     def next(self, number, state, c):
-        x1, x2, (a1, a2), b = state.x1, state.x2, state.alpha, state.bits
+        x1, x2, a, (a1, a2), b = state.x1, state.x2, state.coefficient, state.alpha, state.bits
         window = self.parameters[18] if self.codec == ADPCM else 0
-        first, second = x1 - a1 * (x1 >> 16), x1 + (wrap(a1 * wrap(x1 - x2)) >> 6)
+        first, second = x1 - a * (x1 >> 16), x1 + (wrap(clamp(a, -128, 127) * wrap(x1 - x2)) >> 6)
         if self.codec == PCM:
-            delta = a1 << state.step
+            delta = a << state.step
             x = state.low + (delta << b - 1) + (delta >> 1) + c * delta
         elif self.codec == MULAW:
             levels = list(struct.unpack(f"<{len(self.parameters) // 2}H", self.parameters))
@@ -376,17 +379,17 @@ class BitString:
         return bytes(int(padded[i : i + 8], 2) for i in range(0, len(padded), 8))
 
 
-def record(name, kind, low, entry_bits, bits, step, group=0, alpha=(0, 0)):
+def record(name, kind, low, entry_bits, bits, step, group=0, alpha=0):
     """A channel of joint `name`, or of the same one as before where that is None; `low` as it is stored."""
     return dict(name=name, kind=kind, low=low, entry_bits=entry_bits, bits=bits, step=step, group=group, alpha=alpha)
 
 
 def channels_part(records, is_pcm, precision):
     """Predictors, records and names."""
-    pairs = [] if is_pcm else sorted({r["alpha"] for r in records if r["bits"]})
+    alphas = [] if is_pcm else sorted({r["alpha"] for r in records if r["bits"]})
     fields = ["bits", "step", "entry_bits", "group", "predictor"]
     for r in records:
-        r["predictor"] = pairs.index(r["alpha"]) if r["bits"] and pairs else 0
+        r["predictor"] = alphas.index(r["alpha"]) if r["bits"] and alphas else 0
     out, packings = BitString(), {}
     out.put(precision, 4)
     for field in fields:
@@ -404,14 +407,17 @@ def channels_part(records, is_pcm, precision):
         out.put(r["name"] is not None, 1)
         names += b"" if r["name"] is None else slice_of(r["name"].encode())
         out.put(r["kind"], 3)
-        for field in fields[:3]:
+        for field in fields[:2]:
             put(r, field)
         if r["bits"]:
             put(r, "group")
             if is_pcm:
-                out.put(r["alpha"][0], 15)
+                out.put(r["alpha"], 15)
             else:
+                put(r, "entry_bits")
                 put(r, "predictor")
+        if r["bits"] and not is_pcm:
+            continue
         low = 2 * r["low"] if r["low"] >= 0 else -2 * r["low"] - 1
         while low > 7:
             out.put(8 | low & 7, 4)
@@ -419,7 +425,7 @@ def channels_part(records, is_pcm, precision):
         out.put(low, 4)
     # A clip without names has none at all.
     names = names if any(r["name"] for r in records) else b""
-    return b"".join(struct.pack("<2h", *pair) for pair in pairs), out.bytes(), names
+    return b"".join(struct.pack("<h", alpha) for alpha in alphas), out.bytes(), names
 
 
 def make(rng, codec, entropy, parameters, tables, records, blocks, ones=0.5, precision=2):
@@ -490,13 +496,13 @@ def vectors():
     groups = bytes([1, 8]) + described(*([[2, 2, 2, 3, 4, 5, 6, 7, 8, 8], [1, 1]] * 4))
 
     def some(*bits, groups=1, steps=(90, 110)):
-        alphas = [(0, 0), (40, 0), (90, -13000), (-9000, 4000)]
+        alphas = [0, 40, 90, -9000]
         return [
             record(
                 None if i % 3 == 2 else f"joint {i}",
                 rng.randrange(7),
                 rng.randrange(-90, 90),
-                rng.randrange(0, 12),
+                rng.randrange(1, 18),
                 b,
                 rng.randrange(*steps),
                 i % groups,
@@ -506,19 +512,20 @@ def vectors():
         ]
 
     def grids(*bits):
-        return [record(f"grid {i}", i % 7, rng.randrange(-(2**20), 0), 0, b, 3, 0, (1000 + i, 0)) for i, b in enumerate(bits)]
+        return [record(f"grid {i}", i % 7, rng.randrange(-(2**20), 0), 0, b, 3, 0, 1000 + i) for i, b in enumerate(bits)]
 
     edges = [
-        record("all", 0, -2, 32, 16, 199, 0, (32767, -32768)),
-        record("least", 3, -(2**31), 1, 16, 0, 0, (-32768, -32768)),
-        record("most", 4, 2**31 - 1, 0, 1, 199, 0, (32767, 32767)),
-        record("shifted", 5, -1, 17, 7, 199, 0, (16384, 0)),
+        record("all", 0, 0, 32, 16, 199, 0, 32767),
+        record("least", 3, 0, 1, 16, 0, 0, -32768),
+        record("most", 4, 0, 31, 1, 199, 0, 127),
+        record("shifted", 5, 0, 17, 7, 199, 0, 64),
         record("still", 6, 5, 0, 0, 0),
-        record(None, 2, 5, 3, 0, 64),
+        record(None, 2, 5, 0, 0, 64),
+        record("lowest", 1, -(2**31), 0, 0, 0),
     ]
     edge_grids = [
-        record("all", 0, -(2**16), 0, 16, 15, 0, (32767, 0)),
-        record("none", 1, 2**31 - 1, 0, 8, 15, 0, (0, 0)),
+        record("all", 0, -(2**16), 0, 16, 15, 0, 32767),
+        record("none", 1, 2**31 - 1, 0, 8, 15, 0, 0),
         record("still", 2, -(2**31), 0, 0, 0),
     ]
     made = {

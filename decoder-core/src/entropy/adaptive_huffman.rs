@@ -179,8 +179,8 @@ fn set(words: &mut [u16], index: u16, value: u16) {
 
 impl SymbolSource for &mut AdaptiveHuffman<'_> {
     #[inline(always)]
-    fn code(&mut self, bits: &mut BitReader<'_>, _: usize, width: u8, _: &mut u8) -> Option<i32> {
-        if width == 0 { None } else { Some(self.decode(bits, width)) }
+    fn code(&mut self, bits: &mut BitReader<'_>, width: u8, _: &mut u8) -> i32 {
+        if width == 0 { 0 } else { self.decode(bits, width) }
     }
 }
 
@@ -289,7 +289,7 @@ mod tests {
             .collect();
         let mut bits = BitReader::new(&bytes);
         for &symbol in &symbols {
-            assert_eq!((&mut decoder).code(&mut bits, 0, 9, &mut 0), Some(signed(symbol)));
+            assert_eq!((&mut decoder).code(&mut bits, 9, &mut 0), signed(symbol));
         }
         assert_eq!(bits.position(), written.len());
         assert!(cfg!(miri) || decoder.weight(0) == MAX_WEIGHT, "counting stopped");

@@ -1,25 +1,7 @@
 //! Codes of each channel's own width, in two's complement, eight channels from one whole byte to another.
 
-use super::SymbolSource;
-use crate::bits::BitReader;
-
 /// Channels whose codes begin on a whole byte: eight codes of a width take whole bytes.
 pub const OCTET: usize = 8;
-
-/// Fixed-width packing, for channels whose widths differ: where those of an octet are all the same, [`field`] takes
-/// codes out at places that the compiler knows.
-#[derive(Clone, Copy, Debug)]
-pub struct FixedWidth;
-
-impl SymbolSource for FixedWidth {
-    #[inline(always)]
-    fn code(&mut self, bits: &mut BitReader<'_>, channel: usize, width: u8, _: &mut u8) -> Option<i32> {
-        if channel & (OCTET - 1) == 0 {
-            bits.align();
-        }
-        if width == 0 { None } else { Some(bits.take_signed(width.into())) }
-    }
-}
 
 /// The code of channel `lane` (0 to 7) of an octet whose codes all have `BITS` bits, 4 to 8.
 ///
@@ -39,25 +21,8 @@ pub fn field<const BITS: usize>(bytes: &[u8; BITS], lane: usize) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bits::BitReader;
     use crate::testing::{Random, times};
-
-    #[test]
-    fn codes_lie_bit_to_bit() {
-        let mut bits = BitReader::new(&[0b1011_0011, 0b1000_0001, 0xff]);
-        let mut next = |channel, width| FixedWidth.code(&mut bits, channel, width, &mut 0);
-        let codes = [next(0, 1), next(1, 3), next(2, 0), next(3, 5), next(4, 7), next(5, 8)];
-        assert_eq!(codes, [Some(-1), Some(3), None, Some(7), Some(1), Some(-1)]);
-    }
-
-    #[test]
-    fn the_ninth_channel_begins_on_a_whole_byte() {
-        let mut bits = BitReader::new(&[0b0101_0101, 0b0101_0101, 0b0110_0000]);
-        let widths = [1, 1, 2, 0, 1, 1, 1, 2, 3];
-        let mut channel = 0..;
-        let codes = widths
-            .map(|width| FixedWidth.code(&mut bits, channel.next().unwrap(), width, &mut 0).unwrap_or(0));
-        assert_eq!(codes, [0, -1, 1, 0, 0, -1, 0, -2, 3]);
-    }
 
     fn check<const BITS: usize>(random: &mut Random) {
         for _ in 0..times(2000, 20) {

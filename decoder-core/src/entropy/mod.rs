@@ -8,16 +8,14 @@ pub mod fixed_width;
 pub mod huffman;
 
 pub use adaptive_huffman::AdaptiveHuffman;
-pub use fixed_width::FixedWidth;
 pub use huffman::Huffman;
 
 use crate::bits::BitReader;
 
 /// Gives the codes of channels, one after the other.
 pub trait SymbolSource {
-    /// The next channel's code; `None` where it has none, since its codes have 0 bits. Past the end of `bits` it is any.
+    /// The next channel's code; 0 where it has none, since its codes have 0 bits. Past the end of `bits` it is any.
     ///
-    /// `channel` counts the channels of a frame, `width` is the bits of its codes, 0 to 16, and `context` what the stage
-    /// keeps of the channel.
-    fn code(&mut self, bits: &mut BitReader<'_>, channel: usize, width: u8, context: &mut u8) -> Option<i32>;
+    /// `width` is the bits of the channel's codes, 0 to 16, and `context` what the stage keeps of the channel.
+    fn code(&mut self, bits: &mut BitReader<'_>, width: u8, context: &mut u8) -> i32;
 }

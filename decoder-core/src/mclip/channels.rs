@@ -1,93 +1,94 @@
-//! The loops over a frame's channels, each compiled for one codec and one source of codes.
+//! The loops over a frame's channels, each compiled for one predictor and one quantiser.
 //!
-//! They are functions of their own, never inlined: together they would share registers, and each would keep its
-//! pointers on the stack. What codes come from is given and returned by value for the same reason.
+//! Codes are taken out of their bits before, a few channels at a time ([`CHUNK`]): so there is one loop for each source of
+//! codes and one for each codec, not one for each pair of them, and a loop's numbers fit the registers. They are functions of
+//! their own, never inlined: together they would share registers, and each would keep its pointers on the stack.
 
 use super::codec::{Adaptation, Adpcm, Codec};
+use super::octets::{self, next};
 use super::state::{State, pair, unpair};
 use crate::bits::BitReader;
-use crate::entropy::fixed_width::{OCTET, field};
-use crate::entropy::{FixedWidth, SymbolSource};
+use crate::entropy::SymbolSource;
 use crate::predict::{Constant, Correlation, First, Predict, Second, Slots};
 use crate::quantise::{Quantise, Uniform};
+use core::iter::Copied;
+use core::ops::Range;
+use core::slice;
 use fixed::types::I16F16;
 
-/// Where the codes of a frame come from: the bits of a block, or an encoder that looks for the best ones.
-///
-/// So an encoder runs the decoder's own loop, with its predictors and quantisers.
+/// Channels whose codes are held at a time; whole octets.
+pub(super) const CHUNK: usize = 32;
+
+/// An encoder, which looks for the best codes: with the decoder's own loop, and its predictors and quantisers.
 pub trait Choose {
-    /// What a loop holds while it runs: a local of it, so that it stays in registers.
-    type Running;
+    /// The value of channel `channel` at an entry point, in steps of `2^shift`, in `bits` bits (1 to 32) with its sign.
+    fn entry(&mut self, channel: usize, shift: u32, bits: u32) -> i32;
 
-    /// Before a frame's first channel.
-    fn begin(&self) -> Self::Running;
-
-    /// After its last one.
-    fn end(&mut self, running: Self::Running);
-
-    /// The value of channel `channel` at an entry point, in steps of `2^shift` from its lowest, in `bits` bits.
-    fn entry(&mut self, running: &mut Self::Running, channel: usize, low: i32, shift: u8, bits: u32) -> u32;
-
-    /// The code of channel `channel`, whose prediction is `predicted`; `None` where it has none, as with 0 bits.
-    fn code<Q: Quantise>(
-        &mut self,
-        running: &mut Self::Running,
-        channel: usize,
-        predicted: i32,
-        quantiser: &Q,
-        state: &mut State,
-    ) -> Option<i32>;
+    /// The code of channel `channel`, whose prediction is `predicted`; 0 where it has 0 bits.
+    fn code<Q: Quantise>(&mut self, channel: usize, predicted: i32, quantiser: &Q, state: &State) -> i32;
 }
 
-/// Codes from the bits of a block.
-pub(super) struct Decode<'b, S> {
-    pub codes: &'b [u8],
-    /// The next bit; past the end after an overrun.
-    pub position: usize,
-    pub source: S,
+/// Where the codes of a frame come from: what was taken out of bits, or an encoder.
+pub(super) trait Codes {
+    /// What a channel's code is found by.
+    type Item;
+    /// Of all channels.
+    type Items: Iterator<Item = Self::Item>;
+
+    /// For each channel in order.
+    fn items(&self) -> Self::Items;
+
+    /// A channel's code.
+    fn code<Q: Quantise>(&mut self, item: Self::Item, predicted: i32, quantiser: &Q, state: &State) -> i32;
+
+    /// The loop of codecs with uniform steps.
+    fn uniform<P: Predict>(&mut self, pose: &mut [I16F16], states: &mut [State], predict: &P);
 }
 
-impl<S> Decode<'_, S> {
-    /// The next bit, or `Err` where there are not so many.
-    pub const fn finish(&self) -> Result<usize, ()> {
-        if self.position > self.codes.len().saturating_mul(8) { Err(()) } else { Ok(self.position) }
-    }
-}
+/// Codes that were taken out of their bits.
+struct Given<'g>(&'g [i32]);
 
-impl<'b, S: SymbolSource> Choose for Decode<'b, S> {
-    type Running = BitReader<'b>;
+impl<'g> Codes for Given<'g> {
+    type Item = i32;
+    type Items = Copied<slice::Iter<'g, i32>>;
 
     #[inline(always)]
-    fn begin(&self) -> BitReader<'b> {
-        BitReader::at(self.codes, self.position)
+    fn items(&self) -> Self::Items {
+        self.0.iter().copied()
     }
 
     #[inline(always)]
-    fn end(&mut self, running: BitReader<'b>) {
-        self.position = running.position();
+    fn code<Q: Quantise>(&mut self, code: i32, _: i32, _: &Q, _: &State) -> i32 {
+        code
     }
 
     #[inline(always)]
-    fn entry(&mut self, running: &mut BitReader<'b>, _: usize, _: i32, _: u8, bits: u32) -> u32 {
-        let low = bits.min(16);
-        let high = running.take(bits.saturating_sub(low));
-        high.wrapping_shl(low) | running.take(low)
-    }
-
-    #[inline(always)]
-    fn code<Q: Quantise>(
-        &mut self,
-        running: &mut BitReader<'b>,
-        channel: usize,
-        _: i32,
-        _: &Q,
-        state: &mut State,
-    ) -> Option<i32> {
-        self.source.code(running, channel, state.bits, &mut state.context)
+    fn uniform<P: Predict>(&mut self, pose: &mut [I16F16], states: &mut [State], predict: &P) {
+        given(pose, states, predict, &Uniform, self.0);
     }
 }
 
-/// The channels of a frame.
+/// An encoder's codes, by the number of the channel.
+struct Chosen<'c, C>(&'c mut C);
+
+impl<C: Choose> Codes for Chosen<'_, C> {
+    type Item = usize;
+    type Items = Range<usize>;
+
+    fn items(&self) -> Range<usize> {
+        0..usize::MAX
+    }
+
+    fn code<Q: Quantise>(&mut self, channel: usize, predicted: i32, quantiser: &Q, state: &State) -> i32 {
+        self.0.code(channel, predicted, quantiser, state)
+    }
+
+    fn uniform<P: Predict>(&mut self, pose: &mut [I16F16], states: &mut [State], predict: &P) {
+        serial(pose, states, predict, &Uniform, self);
+    }
+}
+
+/// The channels of a frame, or some of them.
 pub(super) struct Channels<'c> {
     pub pose: &'c mut [I16F16],
     pub states: &'c mut [State],
@@ -100,101 +101,202 @@ pub(super) struct Channels<'c> {
 
 impl Channels<'_> {
     /// Goes on to the next frame, whose codes `choose` gives.
-    #[inline(always)]
-    pub fn step<C: Choose>(self, codec: &Codec<'_>, choose: &mut C) {
-        let Self { pose, states, correlations, rings, frame } = self;
+    pub fn step<C: Choose>(mut self, codec: &Codec<'_>, choose: &mut C) {
+        self.all().run(codec, &mut Chosen(choose));
+        self.solve(codec);
+    }
+
+    /// Goes on to the next frame, whose codes begin at bit `position`; gives where they end, which may be past the last one.
+    pub fn step_coded<S: SymbolSource>(
+        mut self,
+        codec: &Codec<'_>,
+        codes: &[u8],
+        mut position: usize,
+        mut source: S,
+    ) -> usize {
         match codec {
-            Codec::Pcm => serial(pose, states, &Constant, &Uniform, choose),
-            Codec::MuLaw(law) => serial(pose, states, &First, law, choose),
-            Codec::Dpcm { order: 0 | 1 } => serial(pose, states, &First, &Uniform, choose),
-            Codec::Dpcm { .. } => serial(pose, states, &Second, &Uniform, choose),
-            Codec::Adpcm(Adpcm { quantiser, predictor: None }) => {
-                serial(pose, states, &Second, quantiser, choose);
+            Codec::Dpcm { order: 0 | 1 } if cfg!(feature = "dpcm") => {
+                return fused(self.pose, self.states, &First, &mut source, codes, position);
             }
-            Codec::Adpcm(Adpcm { quantiser, predictor: Some(adaptation) }) => {
-                let adaptation = *adaptation;
-                let words = adaptation.ring_words();
-                if words > 0 {
-                    let slots = Slots::at(frame, adaptation.window);
-                    let rings = correlations.iter_mut().zip(rings.chunks_exact_mut(words));
-                    let follow = rings.map(|(correlation, ring)| Sliding { correlation, ring, slots });
-                    // A step that does not adapt is kept as a size, not as an index.
-                    if quantiser.adapts() {
-                        adaptive(pose, states, follow, quantiser, choose);
-                    } else {
-                        adaptive(pose, states, follow, &Uniform, choose);
-                    }
-                } else {
-                    let window = adaptation.window.into();
-                    let follow =
-                        correlations.iter_mut().map(|correlation| Exponential { correlation, window });
-                    if quantiser.adapts() {
-                        adaptive(pose, states, follow, quantiser, choose);
-                    } else {
-                        adaptive(pose, states, follow, &Uniform, choose);
-                    }
-                }
-                solve(states, correlations, adaptation, frame);
+            Codec::Dpcm { .. } if cfg!(feature = "dpcm") => {
+                return fused(self.pose, self.states, &Second, &mut source, codes, position);
             }
-            Codec::Qmd(table) => serial(pose, states, &First, table, choose),
+            _ => {}
         }
+        let mut buffer = [0; CHUNK];
+        let mut rest = self.all();
+        while !rest.pose.is_empty() {
+            let now = rest.chunk(CHUNK, codec);
+            position = fill(&mut source, codes, position, now.states, &mut buffer);
+            now.run(codec, &mut Given(&buffer));
+        }
+        self.solve(codec);
+        position
     }
 
     /// Goes on to the next frame, whose codes of fixed width begin at a whole byte; gives the bytes that are left, or
     /// `None` where there are too few.
+    #[inline(never)]
+    pub fn step_unpacked<'b>(mut self, codec: &Codec<'_>, mut codes: &'b [u8]) -> Option<&'b [u8]> {
+        let mut buffer = [0; CHUNK];
+        let mut rest = self.all();
+        while !rest.pose.is_empty() {
+            let now = rest.chunk(CHUNK, codec);
+            codes = octets::unpack(now.states, &mut buffer, codes)?;
+            now.run(codec, &mut Given(&buffer));
+        }
+        self.solve(codec);
+        Some(codes)
+    }
+
+    /// All of them once more.
+    fn all(&mut self) -> Channels<'_> {
+        let Self { pose, states, correlations, rings, frame } = self;
+        Channels { pose, states, correlations, rings, frame: *frame }
+    }
+
+    /// Takes the first `count` channels away.
+    fn chunk(&mut self, count: usize, codec: &Codec<'_>) -> Channels<'_> {
+        Channels {
+            pose: first(&mut self.pose, count),
+            states: first(&mut self.states, count),
+            correlations: first(&mut self.correlations, count),
+            rings: first(&mut self.rings, codec.ring_words().wrapping_mul(count)),
+            frame: self.frame,
+        }
+    }
+
+    /// Goes on to the next values.
     #[inline(always)]
-    pub fn step_fixed_width<'b>(self, codec: &Codec<'_>, codes: &'b [u8]) -> Option<&'b [u8]> {
+    fn run<C: Codes>(self, codec: &Codec<'_>, codes: &mut C) {
+        let Self { pose, states, correlations, rings, frame } = self;
         match codec {
-            Codec::Pcm => octets(self.pose, self.states, &Constant, &Uniform, codes),
-            Codec::Dpcm { order: 0 | 1 } => octets(self.pose, self.states, &First, &Uniform, codes),
-            Codec::Dpcm { .. } => octets(self.pose, self.states, &Second, &Uniform, codes),
-            Codec::Adpcm(Adpcm { quantiser, predictor: None }) => {
-                octets(self.pose, self.states, &Second, quantiser, codes)
+            Codec::Pcm if cfg!(feature = "pcm") => codes.uniform(pose, states, &Constant),
+            Codec::MuLaw(law) if cfg!(feature = "mulaw") => serial(pose, states, &First, law, codes),
+            Codec::Dpcm { order: 0 | 1 } if cfg!(feature = "dpcm") => codes.uniform(pose, states, &First),
+            Codec::Adpcm(Adpcm { quantiser, predictor: None })
+                if cfg!(feature = "adaptive-step") && quantiser.adapts() =>
+            {
+                serial(pose, states, &Second, quantiser, codes);
             }
-            _ => {
-                let mut decode = Decode { codes, position: 0, source: FixedWidth };
-                self.step(codec, &mut decode);
-                codes.get(decode.position.wrapping_add(7) >> 3..)
+            Codec::Dpcm { .. } | Codec::Adpcm(Adpcm { predictor: None, .. }) if cfg!(feature = "dpcm") => {
+                codes.uniform(pose, states, &Second);
             }
+            Codec::Adpcm(Adpcm { quantiser, predictor: Some(adaptation) })
+                if cfg!(feature = "adaptive-predictor") =>
+            {
+                let words = adaptation.ring_words();
+                if words > 0 {
+                    let slots = Slots::at(frame, adaptation.window);
+                    let rings = correlations.iter_mut().zip(rings.chunks_exact_mut(words));
+                    let follow = rings.map(move |(correlation, ring)| Sliding { correlation, ring, slots });
+                    // A step that does not adapt is kept as a size, not as an index.
+                    if cfg!(feature = "adaptive-step") && quantiser.adapts() {
+                        adaptive(pose, states, follow, quantiser, codes);
+                    } else {
+                        adaptive(pose, states, follow, &Uniform, codes);
+                    }
+                } else {
+                    let window = adaptation.window.into();
+                    let follow =
+                        correlations.iter_mut().map(move |correlation| Exponential { correlation, window });
+                    if cfg!(feature = "adaptive-step") && quantiser.adapts() {
+                        adaptive(pose, states, follow, quantiser, codes);
+                    } else {
+                        adaptive(pose, states, follow, &Uniform, codes);
+                    }
+                }
+            }
+            Codec::Qmd(table) if cfg!(feature = "lookup") => serial(pose, states, &First, table, codes),
+            // Refused by `Codec::check_linked`.
+            _ => {}
+        }
+    }
+
+    /// Solves for coefficients, where they adapt, after a frame.
+    fn solve(self, codec: &Codec<'_>) {
+        if let Codec::Adpcm(Adpcm { predictor: Some(adaptation), .. }) = codec
+            && cfg!(feature = "adaptive-predictor")
+        {
+            solve(self.states, self.correlations, *adaptation, self.frame);
         }
     }
 }
 
-/// A channel's next value, after a code.
-#[inline(always)]
-fn next<P: Predict, Q: Quantise>(
-    value: &mut I16F16,
-    state: &mut State,
-    predicted: i32,
-    quantise: &Q,
-    code: i32,
-    bits: u8,
-) {
-    if P::KEEPS {
-        state.second = value.to_bits();
+/// Takes at most `count` elements off a slice.
+fn first<'c, T>(slice: &mut &'c mut [T], count: usize) -> &'c mut [T] {
+    let count = count.min(slice.len());
+    slice.split_off_mut(..count).unwrap_or_default()
+}
+
+/// Takes codes out of their bits from `position` on, one for each of the states; gives where they end. The reader is a local of
+/// the loop, so that it stays in registers.
+#[inline(never)]
+fn fill<S: SymbolSource>(
+    source: &mut S,
+    codes: &[u8],
+    position: usize,
+    states: &mut [State],
+    out: &mut [i32; CHUNK],
+) -> usize {
+    let mut reader = BitReader::at(codes, position);
+    for (state, code) in states.iter_mut().zip(out) {
+        *code = source.code(&mut reader, state.bits(), &mut state.context);
     }
-    *value = I16F16::from_bits(predicted.wrapping_add(quantise.difference(code, &mut state.step, bits)));
+    reader.position()
 }
 
 /// Channel after channel.
 #[inline(never)]
-fn serial<P: Predict, Q: Quantise, C: Choose>(
+fn serial<P: Predict, Q: Quantise, C: Codes>(
     pose: &mut [I16F16],
     states: &mut [State],
     predict: &P,
     quantise: &Q,
-    choose: &mut C,
+    codes: &mut C,
 ) {
-    let mut running = choose.begin();
-    let mut channel = 0usize;
-    for (value, state) in pose.iter_mut().zip(states) {
-        let predicted = predict.predict(value.to_bits(), state.second, state.coefficient);
-        if let Some(code) = choose.code(&mut running, channel, predicted, quantise, state) {
-            next::<P, Q>(value, state, predicted, quantise, code, state.bits);
+    for ((value, state), item) in pose.iter_mut().zip(states).zip(codes.items()) {
+        let last = value.to_bits();
+        let predicted = predict.predict(last, state.second, state.coefficient);
+        let code = codes.code(item, predicted, quantise, state);
+        if P::KEEPS {
+            state.second = last;
         }
-        channel = channel.wrapping_add(1);
+        let bits = state.bits();
+        *value = I16F16::from_bits(predicted.wrapping_add(quantise.difference(code, &mut state.step, bits)));
     }
-    choose.end(running);
+}
+
+/// Channels whose codes are these.
+#[inline(always)]
+pub(super) fn given<P: Predict, Q: Quantise>(
+    pose: &mut [I16F16],
+    states: &mut [State],
+    predict: &P,
+    quantise: &Q,
+    codes: &[i32],
+) {
+    serial(pose, states, predict, quantise, &mut Given(codes));
+}
+
+/// Channel after channel, with uniform steps and codes out of their bits from `position` on; gives where they end.
+///
+/// What [`fill`] and [`serial`] do, in one loop: for the codecs that are most used.
+#[inline(never)]
+fn fused<P: Predict, S: SymbolSource>(
+    pose: &mut [I16F16],
+    states: &mut [State],
+    predict: &P,
+    source: &mut S,
+    codes: &[u8],
+    position: usize,
+) -> usize {
+    let mut reader = BitReader::at(codes, position);
+    for (value, state) in pose.iter_mut().zip(states) {
+        let code = source.code(&mut reader, state.bits(), &mut state.context);
+        next(value, state, predict, &Uniform, code, 0);
+    }
+    reader.position()
 }
 
 /// What follows a channel's movements.
@@ -244,26 +346,24 @@ impl Follow for Sliding<'_> {
 
 /// Channel after channel, where coefficients follow the channel.
 #[inline(never)]
-fn adaptive<F: Follow, Q: Quantise, C: Choose>(
+fn adaptive<F: Follow, Q: Quantise, C: Codes>(
     pose: &mut [I16F16],
     states: &mut [State],
     followers: impl Iterator<Item = F>,
     quantise: &Q,
-    choose: &mut C,
+    codes: &mut C,
 ) {
-    let mut running = choose.begin();
-    let mut channel = 0usize;
-    for ((value, state), mut follower) in pose.iter_mut().zip(states).zip(followers) {
+    for (((value, state), mut follower), item) in
+        pose.iter_mut().zip(states).zip(followers).zip(codes.items())
+    {
         let last = value.to_bits();
         let predicted = follower.correlation().predict(unpair(state.second), last);
-        if let Some(code) = choose.code(&mut running, channel, predicted, quantise, state) {
-            let next = predicted.wrapping_add(quantise.difference(code, &mut state.step, state.bits));
-            follower.add(next.wrapping_sub(last));
-            *value = I16F16::from_bits(next);
-        }
-        channel = channel.wrapping_add(1);
+        let code = codes.code(item, predicted, quantise, state);
+        let bits = state.bits();
+        let next = predicted.wrapping_add(quantise.difference(code, &mut state.step, bits));
+        follower.add(next.wrapping_sub(last));
+        *value = I16F16::from_bits(next);
     }
-    choose.end(running);
 }
 
 /// Solves for the coefficients of channel c after frame n since the entry point where n + c is a multiple of the period,
@@ -279,103 +379,4 @@ fn solve(states: &mut [State], correlations: &[Correlation], adaptation: Adaptat
         channels = channels.get_mut(period..).unwrap_or_default();
         correlations = correlations.get(period..).unwrap_or_default();
     }
-}
-
-/// Widths that [`equal`] is compiled for.
-const WIDTHS: core::ops::RangeInclusive<u8> = 4..=8;
-
-/// Marks octets of channels whose codes all have as many bits, for [`octets`]: in the first channel these bits, or 0
-/// where they differ, and in the second how many octets in sequence are like it, as far as a byte can say. The last octet
-/// may have fewer channels.
-pub(super) fn mark_octets(states: &mut [State]) {
-    let (mut width_after, mut alike) = (0u8, 0u8);
-    for octet in states.chunks_mut(OCTET).rev() {
-        let bits = octet.first().map_or(0, |first| first.bits);
-        let same = octet.iter().all(|channel| channel.bits == bits);
-        let width = if same && WIDTHS.contains(&bits) { bits } else { 0 };
-        alike = if width == width_after { alike.saturating_add(1) } else { 1 };
-        width_after = width;
-        octet.iter_mut().zip([width, alike]).for_each(|(channel, context)| channel.context = context);
-    }
-}
-
-/// Codes of fixed width, eight channels at a time where these have codes of equal width.
-#[inline(never)]
-fn octets<'b, P: Predict, Q: Quantise>(
-    mut pose: &mut [I16F16],
-    mut states: &mut [State],
-    predict: &P,
-    quantise: &Q,
-    mut codes: &'b [u8],
-) -> Option<&'b [u8]> {
-    while let Some(first) = states.first() {
-        let (width, alike) = (first.context, states.get(1).map_or(1, |second| second.context));
-        let done = usize::from(alike).wrapping_mul(OCTET).min(states.len());
-        let (now, later) = pose.split_at_mut_checked(done)?;
-        let (states_now, states_later) = states.split_at_mut_checked(done)?;
-        codes = match width {
-            4 => equal::<4, P, Q>(now, states_now, predict, quantise, codes)?,
-            5 => equal::<5, P, Q>(now, states_now, predict, quantise, codes)?,
-            6 => equal::<6, P, Q>(now, states_now, predict, quantise, codes)?,
-            7 => equal::<7, P, Q>(now, states_now, predict, quantise, codes)?,
-            8 => equal::<8, P, Q>(now, states_now, predict, quantise, codes)?,
-            _ => {
-                let mut decode = Decode { codes, position: 0, source: FixedWidth };
-                serial(now, states_now, predict, quantise, &mut decode);
-                codes.get(decode.position.wrapping_add(7) >> 3..)?
-            }
-        };
-        (pose, states) = (later, states_later);
-    }
-    Some(codes)
-}
-
-/// Channels whose codes all have `BITS` bits; gives the bytes that are left.
-#[inline(never)]
-fn equal<'b, const BITS: usize, P: Predict, Q: Quantise>(
-    pose: &mut [I16F16],
-    states: &mut [State],
-    predict: &P,
-    quantise: &Q,
-    codes: &'b [u8],
-) -> Option<&'b [u8]> {
-    let (octets, last) = pose.as_chunks_mut::<OCTET>();
-    let (octets_states, last_states) = states.as_chunks_mut::<OCTET>();
-    // In 16 bits, so that the compiler sees that the product does not wrap, and need not divide by the width.
-    let count = octets.len() as u16;
-    let (whole, rest) = codes.split_at_checked(usize::from(count).wrapping_mul(BITS))?;
-    let step = |value: &mut I16F16, state: &mut State, octet: &[u8; BITS], lane: usize| {
-        let predicted = predict.predict(value.to_bits(), state.second, state.coefficient);
-        next::<P, Q>(value, state, predicted, quantise, field(octet, lane), BITS as u8);
-    };
-    let (whole, _) = whole.as_chunks::<BITS>();
-    for ((octet, states), codes) in octets.iter_mut().zip(octets_states).zip(whole) {
-        // Arrays: this loop is unrolled, and each code is at a place that the compiler knows.
-        for (lane, (value, state)) in (0..OCTET).zip(octet.iter_mut().zip(states)) {
-            step(value, state, codes, lane);
-        }
-    }
-    let (taken, left) = rest.split_at_checked(last.len().wrapping_mul(BITS).wrapping_add(7) >> 3)?;
-    let mut lanes = last.iter_mut().zip(last_states);
-    // What is behind the codes does not matter.
-    let scratch;
-    let octet = if let Some(octet) = rest.first_chunk::<BITS>() {
-        octet
-    } else {
-        scratch = filled(taken);
-        &scratch
-    };
-    for lane in 0..OCTET {
-        let Some((value, state)) = lanes.next() else { break };
-        step(value, state, octet, lane);
-    }
-    Some(left)
-}
-
-/// Bytes, and zeros up to a whole octet.
-#[cold]
-fn filled<const BITS: usize>(bytes: &[u8]) -> [u8; BITS] {
-    let mut octet = [0; BITS];
-    octet.iter_mut().zip(bytes).for_each(|(slot, &byte)| *slot = byte);
-    octet
 }

@@ -9,7 +9,7 @@
 //! | qmd | the last value | look-up table |
 
 use super::header::check;
-use crate::error::{Error, Field};
+use crate::error::{Error, Feature, Field};
 use crate::predict::adaptive::MAX_WINDOW;
 use crate::predict::window::{LONGEST, SHORTEST};
 use crate::quantise::adaptive::CLASSES;
@@ -75,6 +75,18 @@ impl EntropyId {
     /// The stage with this number.
     pub fn from_id(id: u8) -> Option<Self> {
         Self::ALL.get(usize::from(id)).copied()
+    }
+
+    /// Says whether it was linked.
+    ///
+    /// # Errors
+    /// [`Error::NotLinked`].
+    pub const fn check_linked(self) -> Result<(), Error> {
+        match self {
+            Self::FixedWidth => Feature::FixedWidth.check(),
+            Self::Huffman => Feature::Huffman.check(),
+            Self::AdaptiveHuffman => Feature::AdaptiveHuffman.check(),
+        }
     }
 
     /// Its number.
@@ -144,7 +156,7 @@ impl Adpcm {
         let most = if window < SHORTEST { MAX_WINDOW } else { LONGEST };
         check(Field::Parameters, at, window.into(), 0, most.into())?;
         check(Field::Parameters, at, period.into(), 0, if window == 0 { 0 } else { 14 })?;
-        let quantiser = Adaptive { multipliers: multipliers.map(u8::cast_signed), low, high };
+        let quantiser = Adaptive::new(multipliers.map(u8::cast_signed), low, high);
         let predictor = (window > 0).then_some(Adaptation { window, period });
         Ok(Self { quantiser, predictor })
     }
@@ -191,6 +203,29 @@ impl<'a> Codec<'a> {
         }
     }
 
+    /// Says whether what it is composed of was linked.
+    ///
+    /// # Errors
+    /// [`Error::NotLinked`].
+    pub fn check_linked(&self) -> Result<(), Error> {
+        match self {
+            Self::Pcm => Feature::Pcm.check(),
+            Self::MuLaw(_) => Feature::MuLaw.check(),
+            Self::Dpcm { .. } => Feature::Dpcm.check(),
+            Self::Adpcm(Adpcm { quantiser, predictor }) => {
+                if quantiser.adapts() {
+                    Feature::AdaptiveStep.check()?;
+                }
+                match predictor {
+                    Some(_) => Feature::AdaptivePredictor.check(),
+                    None if quantiser.adapts() => Ok(()),
+                    None => Feature::Dpcm.check(),
+                }
+            }
+            Self::Qmd(_) => Feature::Lookup.check(),
+        }
+    }
+
     /// Which codec it is.
     pub const fn id(&self) -> CodecId {
         match self {
@@ -221,6 +256,11 @@ impl<'a> Codec<'a> {
             Self::Adpcm(Adpcm { predictor: Some(adaptation), .. }) => adaptation.ring_words(),
             _ => 0,
         }
+    }
+
+    /// Whether the predictor needs the value before the last one.
+    pub const fn keeps_values(&self) -> bool {
+        matches!(self, Self::Dpcm { order: 2.. } | Self::Adpcm(Adpcm { predictor: None, .. }))
     }
 
     /// Whether the first frame after an entry point has values of its own, instead of codes.

@@ -1,13 +1,16 @@
 //! What decoding in place, decoding a stream and encoding have in common: a pose, and a step to the next one.
 
-use super::channels::{Channels, Choose, Decode, mark_octets};
-use super::codec::EntropyId;
+use super::channels::{Channels, Choose};
+use super::codec::{Adpcm, Codec, EntropyId};
 use super::header::Header;
+use super::octets;
 use super::state::State;
+use crate::bits::{BitReader, MAX_TAKE};
 use crate::entropy::huffman::{NO_TABLE, TableError};
-use crate::entropy::{AdaptiveHuffman, FixedWidth, Huffman};
+use crate::entropy::{AdaptiveHuffman, Huffman};
 use crate::error::{Error, Field};
-use crate::predict::Correlation;
+use crate::predict::{Constant, Correlation, First, Second};
+use crate::quantise::Uniform;
 use fixed::types::I16F16;
 
 /// The memory that a decoder needs, in elements.
@@ -67,7 +70,7 @@ pub struct Engine<'a, 's> {
 }
 
 impl<'a, 's> Engine<'a, 's> {
-    /// An engine before any entry point. Builds the entropy stage's tables.
+    /// An engine before any entry point. Reads the channels' records, and builds the entropy stage's tables.
     ///
     /// # Errors
     /// [`Error::OutputTooSmall`], or [`Error::Encoding`] where the tables are none.
@@ -94,10 +97,24 @@ impl<'a, 's> Engine<'a, 's> {
                 Source::Adaptive(AdaptiveHuffman::new(bits, words).ok_or(bad_tables)?)
             }
         };
+        let pose = lent(memory.pose, needs.channels, Field::Pose)?;
+        let states = lent(memory.states, needs.channels, Field::States)?;
+        let slots = pose.iter_mut().zip(states.iter_mut());
+        for ((value, state), channel) in slots.zip(header.channels().unnamed()) {
+            *value = I16F16::from_bits(channel.low);
+            *state = State::of(header.codec(), &channel);
+            if let Source::Huffman(huffman) = &source {
+                let first = huffman.shape().first_table(channel.group);
+                state.context = if channel.bits == 0 { NO_TABLE } else { first };
+            }
+        }
+        if matches!(source, Source::FixedWidth) {
+            octets::mark(states);
+        }
         Ok(Self {
             header,
-            pose: lent(memory.pose, needs.channels, Field::Pose)?,
-            states: lent(memory.states, needs.channels, Field::States)?,
+            pose,
+            states,
             correlations: lent(memory.correlations, needs.correlations, Field::Correlations)?,
             rings,
             source,
@@ -125,52 +142,80 @@ impl<'a, 's> Engine<'a, 's> {
                 return Ok(position);
             }
         }
-        let codec = self.header.codec();
-        self.frame = self.frame.wrapping_add(1);
-        let channels = Channels {
-            pose: self.pose,
-            states: self.states,
-            correlations: self.correlations,
-            rings: self.rings,
-            frame: self.frame,
-        };
-        match &mut self.source {
-            Source::FixedWidth => {
-                let rest = codes.get(position >> 3..).unwrap_or_default();
-                let rest = channels.step_fixed_width(codec, rest).ok_or(())?;
-                Ok(codes.len().wrapping_sub(rest.len()).wrapping_mul(8))
+        let Self { header, pose, states, correlations, rings, source, frame } = self;
+        *frame = frame.wrapping_add(1);
+        let (codec, frame) = (header.codec(), *frame);
+        match source {
+            Source::FixedWidth if cfg!(feature = "fixed-width") => {
+                let bytes = codes.get(position >> 3..).unwrap_or_default();
+                let rest = match codec {
+                    Codec::Pcm if cfg!(feature = "pcm") => {
+                        octets::step(pose, states, &Constant, &Uniform, bytes)
+                    }
+                    Codec::Dpcm { order: 0 | 1 } if cfg!(feature = "dpcm") => {
+                        octets::step(pose, states, &First, &Uniform, bytes)
+                    }
+                    Codec::Dpcm { .. } if cfg!(feature = "dpcm") => {
+                        octets::step(pose, states, &Second, &Uniform, bytes)
+                    }
+                    Codec::Adpcm(Adpcm { quantiser, predictor: None })
+                        if cfg!(feature = "adaptive-step") && quantiser.adapts() =>
+                    {
+                        octets::step(pose, states, &Second, quantiser, bytes)
+                    }
+                    _ => Channels { pose, states, correlations, rings, frame }.step_unpacked(codec, bytes),
+                };
+                Ok(codes.len().wrapping_sub(rest.ok_or(())?.len()).wrapping_mul(8))
             }
-            Source::Huffman(source) => {
-                let mut decode = Decode { codes, position, source: *source };
-                channels.step(codec, &mut decode);
-                decode.finish()
+            Source::Huffman(source) if cfg!(feature = "huffman") => {
+                let channels = Channels { pose, states, correlations, rings, frame };
+                within(channels.step_coded(codec, codes, position, *source), codes)
             }
-            Source::Adaptive(source) => {
-                let mut decode = Decode { codes, position, source };
-                channels.step(codec, &mut decode);
-                decode.finish()
+            Source::Adaptive(source) if cfg!(feature = "adaptive-huffman") => {
+                let channels = Channels { pose, states, correlations, rings, frame };
+                within(channels.step_coded(codec, codes, position, source), codes)
             }
+            // Refused by `EntropyId::check_linked`.
+            _ => Err(()),
         }
     }
 
     /// Decodes the values of an entry point; gives where they end.
     #[inline(never)]
     fn decode_entry(&mut self, codes: &[u8], position: usize) -> Result<usize, ()> {
-        let mut decode = Decode { codes, position, source: FixedWidth };
-        self.enter(&mut decode);
+        self.reset();
+        let mut position = position;
+        if self.header.codec().has_entry_values() {
+            let keep = self.header.codec().keeps_values();
+            let mut reader = BitReader::at(codes, position);
+            enter(self.pose, self.states, keep, |_, _, bits| {
+                if bits <= MAX_TAKE {
+                    return reader.take_signed(bits);
+                }
+                let high = reader.take_signed(bits.wrapping_sub(MAX_TAKE));
+                high.wrapping_shl(MAX_TAKE) | reader.take(MAX_TAKE).cast_signed()
+            });
+            position = reader.position();
+        }
         match &mut self.source {
-            Source::FixedWidth => decode.position = decode.position.wrapping_add(7) & !7,
+            Source::FixedWidth => position = position.wrapping_add(7) & !7,
             Source::Huffman(_) => {}
             Source::Adaptive(tree) => tree.reset(),
         }
-        decode.finish()
+        within(position, codes)
     }
 
     /// Goes on to the frame whose codes `choose` gives: an encoder's, which may choose by what is predicted.
     /// `entry` is true for the first frame of an entry point.
     pub fn choose<C: Choose>(&mut self, choose: &mut C, entry: bool) -> &[I16F16] {
         if entry {
-            self.enter(choose);
+            self.reset();
+            if self.header.codec().has_entry_values() {
+                let keep = self.header.codec().keeps_values();
+                enter(self.pose, self.states, keep, |channel, shift, bits| {
+                    choose.entry(channel, shift, bits)
+                });
+            }
         }
         let codec = self.header.codec();
         if !(entry && codec.has_entry_values()) {
@@ -187,33 +232,47 @@ impl<'a, 's> Engine<'a, 's> {
         self.pose
     }
 
-    /// Sets every channel to what its record says, and to its value, if there is one.
-    fn enter<C: Choose>(&mut self, choose: &mut C) {
+    /// Sets all but the values of channels to what it is at an entry point.
+    fn reset(&mut self) {
         self.frame = 0;
         self.correlations.fill(Correlation::default());
-        let codec = self.header.codec();
-        let has_values = codec.has_entry_values();
-        let mut running = choose.begin();
-        let slots = self.pose.iter_mut().zip(self.states.iter_mut());
-        let mut index = 0usize;
-        for ((value, state), channel) in slots.zip(self.header.channels().unnamed()) {
-            let bits = if has_values { channel.entry_bits.into() } else { 0 };
-            let shift = channel.entry_shift;
-            let steps =
-                if bits == 0 { 0 } else { choose.entry(&mut running, index, channel.low, shift, bits) };
-            let first = channel.low.wrapping_add(steps.wrapping_shl(shift.into()).cast_signed());
-            let context = match &self.source {
-                Source::Huffman(_) if channel.bits == 0 => NO_TABLE,
-                Source::Huffman(huffman) => huffman.shape().first_table(channel.group),
-                _ => 0,
-            };
-            *value = I16F16::from_bits(first);
-            *state = State::entry(codec, &channel, first, context);
-            index = index.wrapping_add(1);
+        if let Source::Huffman(huffman) = &self.source {
+            let shape = huffman.shape();
+            self.states.iter_mut().for_each(|state| state.context = shape.first_of(state.context));
         }
-        choose.end(running);
-        if matches!(self.source, Source::FixedWidth) {
-            mark_octets(self.states);
+        let codec = self.header.codec();
+        if let Codec::Adpcm(adpcm) = codec {
+            if adpcm.quantiser.adapts() {
+                self.states.iter_mut().for_each(State::reset_step);
+            }
+            if adpcm.predictor.is_some() {
+                self.states.iter_mut().for_each(|state| state.second = 0);
+            }
+        }
+    }
+}
+
+/// A position in codes, which have to be as long.
+const fn within(position: usize, codes: &[u8]) -> Result<usize, ()> {
+    if position > codes.len().saturating_mul(8) { Err(()) } else { Ok(position) }
+}
+
+/// Sets all channels that have codes to their values at an entry point, and with `keep` the ones before these too. `value`
+/// gives a channel's, by its number, shift and bits.
+fn enter(
+    pose: &mut [I16F16],
+    states: &mut [State],
+    keep: bool,
+    mut value: impl FnMut(usize, u32, u32) -> i32,
+) {
+    for (channel, (pose, state)) in (0..usize::MAX).zip(pose.iter_mut().zip(states)) {
+        if state.bits() > 0 {
+            let (bits, shift) = state.entry();
+            let first = value(channel, shift, bits).wrapping_shl(shift);
+            *pose = I16F16::from_bits(first);
+            if keep {
+                state.second = first;
+            }
         }
     }
 }

@@ -116,7 +116,7 @@ pub struct Opening<'a> {
     pub tables: &'a [u8],
     /// Certified worst-case cycles of a frame: 5 bytes a core, its number and 4 bytes of cycles.
     pub cycles: &'a [u8],
-    /// Pairs of predictor coefficients: `i16`, 4 bytes a pair.
+    /// Predictors' coefficients: `i16`, 2 bytes each.
     pub predictors: &'a [u8],
     /// The channels' records, a bit string: see [`Channels`].
     pub records: &'a [u8],
@@ -209,6 +209,8 @@ impl<'a> Header<'a> {
         let codec = Codec::read(codec, opening.parameters, at)?;
         let entropy =
             EntropyId::from_id(opening.entropy).ok_or(unsupported(Field::Entropy, opening.entropy))?;
+        codec.check_linked()?;
+        entropy.check_linked()?;
         let tables = Error::Encoding { field: Field::CodeTables, at };
         match (entropy, opening.tables) {
             (EntropyId::FixedWidth, []) => {}
@@ -223,7 +225,7 @@ impl<'a> Header<'a> {
         if opening.cycles.len().checked_rem(5) != Some(0) {
             return Err(Error::Encoding { field: Field::Header, at });
         }
-        if opening.predictors.len().checked_rem(4) != Some(0) {
+        if opening.predictors.len().checked_rem(2) != Some(0) {
             return Err(Error::Encoding { field: Field::Predictor, at });
         }
         Ok(Self { opening, codec, entropy })

@@ -16,6 +16,7 @@ mod cursor;
 mod decoder;
 mod engine;
 mod header;
+mod octets;
 mod record;
 mod state;
 mod stream;
@@ -27,6 +28,8 @@ pub use codec::{Adaptation, Adpcm, Codec, CodecId, EntropyId};
 pub use decoder::Decoder;
 pub use engine::{Engine, Memory, Needs};
 pub use header::{Header, MAGIC, Opening, PREFIX_BYTES, Prefix, VERSION, checksum, digest};
-pub use record::{Channel, ChannelKind, Channels, MANTISSA_BITS, Packing, Packings, entry_shift};
+pub use record::{
+    Channel, ChannelKind, Channels, MANTISSA_BITS, MAX_ENTRY_BITS, Packing, Packings, entry_shift,
+};
 pub use state::State;
 pub use stream::{Receiver, Stream};

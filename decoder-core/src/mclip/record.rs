@@ -13,6 +13,9 @@ use core::fmt;
 /// Bits of the mantissa of a pcm channel's Δ.
 pub const MANTISSA_BITS: u32 = 15;
 
+/// Most bits of a value at an entry point.
+pub const MAX_ENTRY_BITS: u8 = 32;
+
 /// What a channel moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ChannelKind {
@@ -82,43 +85,20 @@ pub struct Channel<'a> {
     pub joint: &'a str,
     /// What it moves.
     pub kind: ChannelKind,
-    /// A bound of its values from below, a word.
+    /// A word: pcm: the lowest value of its grid; with 0 bits, its value in the whole clip; else 0.
     pub low: i32,
-    /// Bits of its value at an entry point, 0 to 32; pcm has no such values.
+    /// Bits of its value at an entry point, 1 to [`MAX_ENTRY_BITS`]; pcm and channels of 0 bits have no such values.
     pub entry_bits: u8,
-    /// Places by which its values are shifted at an entry point, 0 to 27.
+    /// Places by which its values are shifted at an entry point, and `low` is stored with, 0 to 27.
     pub entry_shift: u8,
-    /// Bits of a code, 0 to 16; with 0, the channel keeps its value from one entry point to the next.
+    /// Bits of a code, 0 to 16; with 0, the channel keeps its value.
     pub bits: u8,
     /// Index of its step, or of its first step where it adapts; pcm: the exponent of Δ.
     pub step: u8,
     /// Its group of code tables.
     pub group: u8,
-    /// Coefficients of its predictor; pcm: the first is the mantissa of Δ.
-    pub coefficients: [i16; 2],
-}
-
-impl Channel<'_> {
-    /// A bound of its values from above, a word: at most one entry step, or one Δ of pcm, beyond the largest.
-    pub fn high(&self, is_pcm: bool) -> i32 {
-        let [mantissa, _] = self.coefficients;
-        let (count, unit) = if is_pcm && self.bits > 0 {
-            (1i64.wrapping_shl(self.bits.into()), i64::from(mantissa).wrapping_shl(self.step.into()))
-        } else {
-            (
-                1i64.wrapping_shl(self.entry_bits.into()).wrapping_sub(1),
-                1i64.wrapping_shl(self.entry_shift.into()),
-            )
-        };
-        // Below 2^47 and 2^60.
-        let high = i64::from(self.low).wrapping_add(count.wrapping_mul(unit));
-        i32::try_from(high).unwrap_or(i32::MAX)
-    }
-
-    /// Places by which the stored lowest value is shifted.
-    pub const fn low_shift(&self) -> u32 {
-        (self.entry_shift as u32).wrapping_add((self.entry_bits as u32).saturating_sub(2))
-    }
+    /// Coefficient of its predictor; pcm: the mantissa of Δ.
+    pub coefficient: i16,
 }
 
 /// `rradius.rx`, or `rx` where the clip names no joints.
@@ -175,7 +155,7 @@ pub struct Packings {
     pub entry_bits: Packing,
     /// [`Channel::group`].
     pub group: Packing,
-    /// Which pair of coefficients.
+    /// Which coefficient.
     pub predictor: Packing,
 }
 
@@ -256,10 +236,11 @@ impl<'a> Channels<'a> {
         while self.left > 0 {
             let at = self.at();
             let channel = self.read(has_names)?;
-            let most_entry_bits = if self.is_pcm { 0 } else { 32 };
             check(Field::Bits, at, channel.bits.into(), 0, bounds.bits.into())?;
             check(Field::Step, at, channel.step.into(), 0, bounds.step.into())?;
-            check(Field::EntryBits, at, channel.entry_bits.into(), 0, most_entry_bits)?;
+            if channel.bits > 0 && !self.is_pcm {
+                check(Field::EntryBits, at, channel.entry_bits.into(), 1, MAX_ENTRY_BITS.into())?;
+            }
             check(Field::Group, at, channel.group.into(), 0, bounds.group.into())?;
         }
         let bytes = self.bits.position().saturating_add(7) >> 3;
@@ -286,29 +267,22 @@ impl<'a> Channels<'a> {
         let kind = ChannelKind::from_id(kind as u8).ok_or(malformed)?;
         let channel_bits = packings.bits.take(bits);
         let step = packings.step.take(bits);
-        let entry_bits = packings.entry_bits.take(bits);
-        let (mut group, mut coefficients) = (0, [0; 2]);
+        let entry_shift = entry_shift(step, packings.precision, self.is_pcm);
+        let (mut group, mut coefficient, mut entry_bits, mut low) = (0, 0, 0, 0);
         if channel_bits > 0 {
             group = packings.group.take(bits);
             if self.is_pcm {
-                coefficients = [bits.take(MANTISSA_BITS) as i16, 0];
+                coefficient = bits.take(MANTISSA_BITS) as i16;
             } else {
-                coefficients = pair(predictors, packings.predictor.take(bits), at)?;
+                entry_bits = packings.entry_bits.take(bits);
+                coefficient = predictor(predictors, packings.predictor.take(bits), at)?;
             }
         }
-        let mut channel = Channel {
-            joint: self.joint,
-            kind,
-            low: 0,
-            entry_bits,
-            entry_shift: entry_shift(step, packings.precision, self.is_pcm),
-            bits: channel_bits,
-            step,
-            group,
-            coefficients,
-        };
-        channel.low = signed(number(bits)).checked_shl(channel.low_shift()).unwrap_or(0);
-        Ok(channel)
+        if channel_bits == 0 || self.is_pcm {
+            low = signed(number(bits)).wrapping_shl(entry_shift.into());
+        }
+        let (joint, bits) = (self.joint, channel_bits);
+        Ok(Channel { joint, kind, low, entry_bits, entry_shift, bits, step, group, coefficient })
     }
 }
 
@@ -321,14 +295,14 @@ impl<'a> Iterator for Channels<'a> {
     }
 }
 
-/// Pair `index` of coefficients; zeros, which predict the last value, where there is no pair at all.
-fn pair(pairs: &[u8], index: u8, at: usize) -> Result<[i16; 2], Error> {
-    let (pairs, _) = pairs.as_chunks::<4>();
-    match pairs.get(usize::from(index)) {
-        Some(&[a, b, c, d]) => Ok([i16::from_le_bytes([a, b]), i16::from_le_bytes([c, d])]),
-        None if pairs.is_empty() && index == 0 => Ok([0; 2]),
+/// Coefficient `index`; zero, which predicts the last value, where there is none at all.
+fn predictor(coefficients: &[u8], index: u8, at: usize) -> Result<i16, Error> {
+    let (coefficients, _) = coefficients.as_chunks::<2>();
+    match coefficients.get(usize::from(index)) {
+        Some(&coefficient) => Ok(i16::from_le_bytes(coefficient)),
+        None if coefficients.is_empty() && index == 0 => Ok(0),
         None => {
-            let high = (pairs.len() as u32).saturating_sub(1);
+            let high = (coefficients.len() as u32).saturating_sub(1);
             Err(Error::Malformed { field: Field::Predictor, at, found: index.into(), low: 0, high })
         }
     }
@@ -357,13 +331,13 @@ mod tests {
     const CHANNEL: Channel<'_> = Channel {
         joint: "rradius",
         kind: ChannelKind::Rx,
-        low: -(40 << 16),
+        low: 0,
         entry_bits: 10,
         entry_shift: 13,
         bits: 8,
         step: 104,
         group: 0,
-        coefficients: [0; 2],
+        coefficient: 0,
     };
 
     #[test]
@@ -374,15 +348,6 @@ mod tests {
             assert_eq!((usize::from(kind.id()), ChannelKind::from_id(id as u8)), (id, Some(kind)));
         }
         assert_eq!(ChannelKind::from_id(7), None);
-    }
-
-    #[test]
-    fn ranges_are_what_entry_values_and_codes_reach() {
-        assert_eq!(CHANNEL.high(false), (-40 << 16) + 1023 * 8192);
-        let grid = Channel { coefficients: [3000, 0], step: 2, ..CHANNEL };
-        assert_eq!(grid.high(true), (-40 << 16) + 256 * 12_000);
-        assert_eq!(Channel { entry_bits: 32, ..CHANNEL }.high(false), i32::MAX);
-        assert_eq!(Channel { entry_bits: 0, ..CHANNEL }.high(false), CHANNEL.low);
     }
 
     #[test]
@@ -421,13 +386,13 @@ mod tests {
     }
 
     #[test]
-    fn predictors_are_pairs_and_the_last_value_where_there_are_none() {
-        let bytes: Vec<u8> = [1i16, -2, 300, -400].iter().flat_map(|part| part.to_le_bytes()).collect();
-        assert_eq!(pair(&bytes, 1, 9), Ok([300, -400]));
-        assert_eq!(pair(&[], 0, 9), Ok([0; 2]));
+    fn predictors_are_numbered_and_the_last_value_where_there_are_none() {
+        let bytes: Vec<u8> = [1i16, -2, 300].iter().flat_map(|part| part.to_le_bytes()).collect();
+        assert_eq!([0, 1, 2].map(|index| predictor(&bytes, index, 9)), [Ok(1), Ok(-2), Ok(300)]);
+        assert_eq!(predictor(&[], 0, 9), Ok(0));
         let error =
             |found, high| Err(Error::Malformed { field: Field::Predictor, at: 9, found, low: 0, high });
-        assert_eq!(pair(&bytes, 2, 9), error(2, 1));
-        assert_eq!(pair(&[], 1, 9), error(1, 0));
+        assert_eq!(predictor(&bytes, 3, 9), error(3, 2));
+        assert_eq!(predictor(&[], 1, 9), error(1, 0));
     }
 }

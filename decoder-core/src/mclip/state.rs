@@ -6,18 +6,21 @@ use crate::quantise::{Grid, step};
 
 /// A channel between frames, in 12 bytes. Its last value is in the pose.
 ///
-/// What a word is depends on the codec: whatever the loop over the channels needs is computed at the entry point.
+/// What a word is depends on the codec: whatever the loop over the channels needs is computed once, from the channel's
+/// record. What an entry point needs is in it too, so that no entry point reads the record again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct State {
-    /// What the quantiser keeps: a step in words, or its index where it adapts.
+    /// What the quantiser keeps: a step in words; or, where it adapts, the step's index in the lowest byte, and above it
+    /// that of the first step.
     pub(super) step: i32,
     /// What the predictor keeps: the value before the last one (second order), the leak (first order), the value that
     /// is predicted (pcm), or the coefficients (adaptive).
     pub(super) second: i32,
+    /// In the lowest five bits those of a code, in the six above those of a value at an entry point, then the places
+    /// that this is shifted by.
+    widths: u16,
     /// The second order's coefficient.
-    pub(super) coefficient: i16,
-    /// Bits of a code; a channel of 0 bits keeps its value.
-    pub(super) bits: u8,
+    pub(super) coefficient: i8,
     /// Huffman: the table of the next code. Fixed width: in the first channel of eight, the bits of all of them, or 0
     /// where they differ.
     pub(super) context: u8,
@@ -25,38 +28,62 @@ pub struct State {
 
 impl State {
     /// What memory holds before a decoder uses it.
-    pub const EMPTY: Self = Self { step: 0, second: 0, coefficient: 0, bits: 0, context: 0 };
+    pub const EMPTY: Self = Self { step: 0, second: 0, widths: 0, coefficient: 0, context: 0 };
 
-    /// A channel at an entry point, with the value that it has there.
-    pub(super) fn entry(codec: &Codec<'_>, channel: &Channel<'_>, value: i32, context: u8) -> Self {
-        let &Channel { step: index, bits, coefficients, low, .. } = channel;
-        let [first, _] = coefficients;
-        let size = step::size(index);
-        let (step, second, coefficient) = match codec {
+    /// What a channel's record says.
+    pub(super) fn of(codec: &Codec<'_>, channel: &Channel<'_>) -> Self {
+        let &Channel { step: index, bits, coefficient, low, entry_bits, entry_shift, .. } = channel;
+        // A channel of 0 bits has codes of 0 all the time: no step, and no predictor, leave it where it is.
+        let size = if bits == 0 { 0 } else { step::size(index) };
+        let (step, second) = match codec {
             Codec::Pcm => {
-                let grid = Grid { low, mantissa: first, exponent: index };
-                (grid.step(), grid.middle(bits), 0)
+                let grid = Grid { low, mantissa: coefficient, exponent: index };
+                (grid.step(), grid.middle(bits))
             }
-            Codec::MuLaw(_) | Codec::Dpcm { order: 1 } => (size, first.into(), 0),
-            Codec::Dpcm { order: 0 } | Codec::Qmd(_) => (size, 0, 0),
-            Codec::Dpcm { .. } => (size, value, first),
-            Codec::Adpcm(Adpcm { predictor: None, .. }) => (index.into(), value, first),
-            Codec::Adpcm(Adpcm { quantiser, .. }) => {
-                (if quantiser.adapts() { index.into() } else { size }, pair(coefficients), 0)
+            Codec::MuLaw(_) | Codec::Dpcm { order: 1 } => (size, coefficient.into()),
+            Codec::Adpcm(Adpcm { quantiser, .. }) if quantiser.adapts() => {
+                (i32::from_le_bytes([index, index, 0, 0]), 0)
             }
+            _ => (size, 0),
         };
-        Self { step, second, coefficient, bits, context }
+        let widths = u16::from(bits)
+            | u16::from(entry_bits).wrapping_shl(BITS_WIDTH)
+            | u16::from(entry_shift).wrapping_shl(BITS_WIDTH.wrapping_add(ENTRY_BITS_WIDTH));
+        let coefficient = coefficient.clamp(i8::MIN.into(), i8::MAX.into()) as i8;
+        Self { step, second, widths, coefficient, context: 0 }
     }
 
-    /// Bits of the channel's code.
+    /// Bits of the channel's code; a channel of 0 bits keeps its value.
+    #[inline(always)]
     pub const fn bits(&self) -> u8 {
-        self.bits
+        (self.widths & mask(BITS_WIDTH)) as u8
+    }
+
+    /// Bits of the channel's value at an entry point, and the places that it is shifted by.
+    #[inline(always)]
+    pub(super) const fn entry(&self) -> (u32, u32) {
+        let rest = self.widths >> BITS_WIDTH;
+        ((rest & mask(ENTRY_BITS_WIDTH)) as u32, (rest >> ENTRY_BITS_WIDTH) as u32)
     }
 
     /// What the quantiser keeps.
     pub const fn step(&self) -> i32 {
         self.step
     }
+
+    /// Back to the first step.
+    pub(super) const fn reset_step(&mut self) {
+        let [_, first, ..] = self.step.to_le_bytes();
+        self.step = i32::from_le_bytes([first, first, 0, 0]);
+    }
+}
+
+/// Bits of the fields in [`State::widths`].
+const BITS_WIDTH: u32 = 5;
+const ENTRY_BITS_WIDTH: u32 = 6;
+
+const fn mask(width: u32) -> u16 {
+    1u16.wrapping_shl(width).wrapping_sub(1)
 }
 
 /// Two coefficients in a word.
@@ -78,6 +105,25 @@ mod tests {
     #[test]
     fn a_state_is_twelve_bytes() {
         assert_eq!(size_of::<State>(), 12);
+    }
+
+    #[test]
+    fn widths_of_all_sizes_fit() {
+        let channel = |bits, entry_bits, entry_shift| Channel {
+            joint: "",
+            kind: super::super::ChannelKind::Rx,
+            low: 0,
+            entry_bits,
+            entry_shift,
+            bits,
+            step: 0,
+            group: 0,
+            coefficient: 0,
+        };
+        for (bits, entry_bits, shift) in [(0, 0, 0), (16, 32, 27), (1, 31, 26), (15, 1, 1)] {
+            let state = State::of(&Codec::Dpcm { order: 2 }, &channel(bits, entry_bits, shift));
+            assert_eq!((state.bits(), state.entry()), (bits, (entry_bits.into(), shift.into())));
+        }
     }
 
     #[test]

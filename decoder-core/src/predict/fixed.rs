@@ -4,7 +4,7 @@
 //! product on Cortex-M0+. The first order multiplies whole units, the second the last movement.
 
 /// What the second order's coefficient is in parts of.
-pub const MOMENTUM_ONE: i16 = 64;
+pub const MOMENTUM_ONE: i8 = 64;
 
 /// What the first order's leak is in parts of.
 pub const LEAK_ONE: i32 = 1 << 16;
@@ -15,7 +15,7 @@ pub trait Predict {
     const KEEPS: bool = false;
 
     /// The prediction from the last value; `second` and `coefficient` are what the channel's state has.
-    fn predict(&self, last: i32, second: i32, coefficient: i16) -> i32;
+    fn predict(&self, last: i32, second: i32, coefficient: i8) -> i32;
 }
 
 /// A constant, which is `second`.
@@ -24,7 +24,7 @@ pub struct Constant;
 
 impl Predict for Constant {
     #[inline(always)]
-    fn predict(&self, _: i32, second: i32, _: i16) -> i32 {
+    fn predict(&self, _: i32, second: i32, _: i8) -> i32 {
         second
     }
 }
@@ -39,7 +39,7 @@ pub struct First;
 
 impl Predict for First {
     #[inline(always)]
-    fn predict(&self, last: i32, second: i32, _: i16) -> i32 {
+    fn predict(&self, last: i32, second: i32, _: i8) -> i32 {
         last.wrapping_sub((last >> 16).wrapping_mul(second))
     }
 }
@@ -56,7 +56,7 @@ impl Predict for Second {
     const KEEPS: bool = true;
 
     #[inline(always)]
-    fn predict(&self, last: i32, second: i32, coefficient: i16) -> i32 {
+    fn predict(&self, last: i32, second: i32, coefficient: i8) -> i32 {
         let movement = last.wrapping_sub(second);
         last.wrapping_add(movement.wrapping_mul(coefficient.into()) >> 6)
     }
@@ -84,7 +84,7 @@ mod tests {
         for _ in 0..times(200_000, 300) {
             // Within ±128 units, so that nothing wraps.
             let (last, second) = (random.next() as i32 >> 8, random.next() as i32 >> 8);
-            let coefficient = random.below(129) as i16 - 64;
+            let coefficient = (random.below(129) as i16 - 64) as i8;
             let part = f64::from(coefficient) / f64::from(MOMENTUM_ONE);
             let exact = (1.0 + part) * f64::from(last) - part * f64::from(second);
             assert_eq!(f64::from(Second.predict(last, second, coefficient)), exact.floor());

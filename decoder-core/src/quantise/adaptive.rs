@@ -10,7 +10,7 @@ use super::{Quantise, Uniform};
 /// Classes of codes, each with a multiplier: sixteenths of all codes of a width.
 pub const CLASSES: usize = 16;
 
-/// What a clip fixes for all channels. A channel's step is its index.
+/// What a clip fixes for all channels. A channel's step is its index, in the lowest byte; what is above it stays.
 ///
 /// A code costs three look-ups and a multiply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,12 +21,20 @@ pub struct Adaptive {
     pub low: u8,
     /// Highest index of a step.
     pub high: u8,
+    /// Whether it can change a step.
+    adapts: bool,
 }
 
 impl Adaptive {
+    /// A quantiser with these multipliers and bounds.
+    pub fn new(multipliers: [i8; CLASSES], low: u8, high: u8) -> Self {
+        let adapts = multipliers.iter().any(|&by| by != 0) || low > 0 || high < MAX_STEP;
+        Self { multipliers, low, high, adapts }
+    }
+
     /// Whether it can change a step.
-    pub fn adapts(&self) -> bool {
-        self.multipliers.iter().any(|&by| by != 0) || self.low > 0 || self.high < MAX_STEP
+    pub const fn adapts(&self) -> bool {
+        self.adapts
     }
 
     /// The class of a code: its first four bits; zeros stand for bits that it has not. So with four bits each code has a
@@ -44,7 +52,9 @@ impl Quantise for Adaptive {
         let by = self.multipliers.get(Self::class(code, bits)).copied().unwrap_or(0);
         // At most 127 from a byte: bounds of bytes bring it back into one.
         let next = i32::from(index).wrapping_add(i32::from(by));
-        *step = next.min(self.high.into()).max(self.low.into());
+        let next = next.min(self.high.into()).max(self.low.into());
+        // As a byte, which Cortex-M4 puts in its place with one instruction.
+        *step = (*step & !0xff) | i32::from(next as u8);
         self.size(index.into()).wrapping_mul(code)
     }
 
@@ -75,7 +85,7 @@ mod tests {
         let mut transitions = 0u64;
         for multipliers in tables {
             for (low, high) in [(0, MAX_STEP), (40, 160), (77, 77)] {
-                let quantiser = Adaptive { multipliers, low, high };
+                let quantiser = Adaptive::new(multipliers, low, high);
                 assert_eq!(quantiser.adapts(), multipliers != [0; 16] || (low, high) != (0, MAX_STEP));
                 for index in (low..=high).step_by(stride(67)) {
                     for bits in 1..=8u8 {
@@ -99,7 +109,7 @@ mod tests {
 
     #[test]
     fn the_nearest_code_to_a_codes_difference_is_that_code() {
-        let quantiser = Adaptive { multipliers: [3; CLASSES], low: 0, high: MAX_STEP };
+        let quantiser = Adaptive::new([3; CLASSES], 0, MAX_STEP);
         for index in [0, 40, 99, 160] {
             for code in -16..16 {
                 let difference = quantiser.difference(code, &mut { index }, 5);
@@ -112,7 +122,7 @@ mod tests {
     #[test]
     fn wide_codes_are_bounded_too() {
         let multipliers = [-9, -3, 0, 1, 2, 5, 9, 127, -128, 9, 5, 2, 1, 0, -3, -9];
-        let quantiser = Adaptive { multipliers, low: 10, high: 190 };
+        let quantiser = Adaptive::new(multipliers, 10, 190);
         for bits in 9..=16u8 {
             let mut step = 100;
             for code in (-(1 << (bits - 1))..1i32 << (bits - 1)).step_by(stride(509)) {

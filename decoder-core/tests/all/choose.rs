@@ -9,7 +9,6 @@ use decoder_core::quantise::Quantise;
 struct Nearest<'f> {
     frame: &'f [I16F16],
     codes: usize,
-    frames: usize,
     /// Largest step.
     largest: i32,
     /// Whether a difference had no code: what was decoded wrapped, which no encoder asks for.
@@ -17,41 +16,25 @@ struct Nearest<'f> {
 }
 
 impl Choose for Nearest<'_> {
-    type Running = usize;
-
-    fn begin(&self) -> usize {
-        0
+    fn entry(&mut self, channel: usize, shift: u32, bits: u32) -> i32 {
+        self.codes += 1;
+        let value = self.frame[channel].to_bits() >> shift;
+        // A value that is shifted out of the word is another one.
+        let sign = value >> (bits - 1);
+        self.wrapped |= sign != 0 && sign != -1;
+        value
     }
 
-    fn end(&mut self, running: usize) {
-        self.codes += running;
-        self.frames += 1;
-    }
-
-    fn entry(&mut self, running: &mut usize, channel: usize, low: i32, shift: u8, bits: u32) -> u32 {
-        *running += 1;
-        let steps = self.frame[channel].to_bits().wrapping_sub(low).cast_unsigned() >> shift;
-        assert!(bits == 32 || steps < 1 << bits);
-        steps
-    }
-
-    fn code<Q: Quantise>(
-        &mut self,
-        running: &mut usize,
-        channel: usize,
-        predicted: i32,
-        quantiser: &Q,
-        state: &mut State,
-    ) -> Option<i32> {
+    fn code<Q: Quantise>(&mut self, channel: usize, predicted: i32, quantiser: &Q, state: &State) -> i32 {
         if state.bits() == 0 {
-            return None;
+            return 0;
         }
-        *running += 1;
+        self.codes += 1;
         self.largest = self.largest.max(quantiser.size(state.step()));
         let difference = self.frame[channel].to_bits().wrapping_sub(predicted);
         let code = quantiser.nearest(difference, state.step(), state.bits());
         self.wrapped |= quantiser.difference(code, &mut state.step(), state.bits()) != difference;
-        Some(code)
+        code
     }
 }
 
@@ -72,11 +55,10 @@ fn the_nearest_codes_to_a_clip_are_the_clip() {
             let block = BlockHeader::read(header, at, clip.header(), Some(number)).unwrap();
             for frame in 0..block.frames {
                 let pose = decoder.next_frame().unwrap().unwrap().to_vec();
-                let mut nearest = Nearest { frame: &pose, codes: 0, frames: 0, largest: 0, wrapped };
+                let mut nearest = Nearest { frame: &pose, codes: 0, largest: 0, wrapped };
                 let found = engine.choose(&mut nearest, block.entry && frame == 0);
                 wrapped = nearest.wrapped;
                 assert!(wrapped || found == pose, "{} frame {}", vector.name, number + u32::from(frame));
-                assert!(nearest.frames > 0);
                 codes += nearest.codes;
                 largest = largest.max(nearest.largest);
             }

@@ -26,7 +26,7 @@ pub(super) fn choices(columns: &[Column], steps: &[f64], bits: u8) -> Vec<Choice
     let choice = |(column, step): (&Column, &f64)| Choice {
         bits: if column.low == column.high { 0 } else { bits },
         step: step_index(step * scale),
-        coefficients: [0, 0],
+        coefficient: 0,
     };
     columns.iter().zip(steps).map(choice).collect()
 }

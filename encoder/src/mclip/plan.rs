@@ -6,7 +6,7 @@ use super::{Predictor, Settings};
 use crate::qmd::Source;
 use decoder_core::entropy::fixed_width::OCTET;
 use decoder_core::mclip::{
-    Adaptation, Adpcm, Channel, ChannelKind, CodecId, EntropyId, Opening, entry_shift,
+    Adaptation, Adpcm, Channel, ChannelKind, CodecId, EntropyId, MAX_ENTRY_BITS, Opening, entry_shift,
 };
 use decoder_core::predict::fixed::{LEAK_ONE, MOMENTUM_ONE};
 use decoder_core::quantise::adaptive::CLASSES;
@@ -25,7 +25,7 @@ const REST_EXPONENT: u8 = 6;
 pub(super) struct Choice {
     pub bits: u8,
     pub step: u8,
-    pub coefficients: [i16; 2],
+    pub coefficient: i16,
 }
 
 /// Parameters of a codec, as bytes of its header.
@@ -39,7 +39,7 @@ pub(super) fn parameters(settings: &Settings, levels: &[u8]) -> Vec<u8> {
             _ => 2,
         }],
         CodecId::Adpcm => {
-            let still = Adaptive { multipliers: [0; CLASSES], low: 0, high: MAX_STEP };
+            let still = Adaptive::new([0; CLASSES], 0, MAX_STEP);
             let quantiser = settings.steps.filter(|_| settings.adapt_step).map_or(still, Steps::quantiser);
             let predictor = match settings.predictor {
                 Predictor::Adaptive { window, period } => Some(Adaptation { window, period }),
@@ -130,23 +130,23 @@ impl Column {
 
     /// What this channel is like, without its joint.
     pub fn record(&self, codec: CodecId, kind: ChannelKind, choice: Choice) -> Channel<'static> {
-        let Choice { bits, step, coefficients } = choice;
+        let Choice { bits, step, coefficient } = choice;
         let mut channel = Channel {
             joint: "",
             kind,
-            low: self.low,
+            low: 0,
             entry_bits: 0,
             entry_shift: 0,
             bits,
             step,
             group: 0,
-            coefficients,
+            coefficient,
         };
         let is_pcm = codec == CodecId::Pcm;
         if is_pcm {
-            (channel.step, channel.coefficients) = match Grid::covering(self.low, self.high, bits) {
-                Some(grid) => (grid.exponent, [grid.mantissa, 0]),
-                None => (REST_EXPONENT, [1, 0]),
+            (channel.step, channel.coefficient) = match Grid::covering(self.low, self.high, bits) {
+                Some(grid) => (grid.exponent, grid.mantissa),
+                None => (REST_EXPONENT, 1),
             };
         }
         channel.entry_shift = entry_shift(channel.step, PRECISION, is_pcm);
@@ -159,7 +159,7 @@ impl Column {
         } else if is_pcm {
             channel.low = self.low >> shift << shift;
         } else {
-            (channel.low, channel.entry_bits) = span(self.low, self.high, shift);
+            channel.entry_bits = span(self.low, self.high, shift);
         }
         channel
     }
@@ -174,7 +174,7 @@ impl Column {
             _ => 0,
         };
         let rest = Self { index: 0, targets: Vec::new(), low: 0, high: 0 };
-        let still = Choice { bits: 0, step: 0, coefficients: [0, 0] };
+        let still = Choice { bits: 0, step: 0, coefficient: 0 };
         let mut plan = self.plan(settings, parameters, choice);
         plan.opening.channels += before as u16;
         plan.channels.splice(..0, (0..before).map(|_| rest.record(settings.codec, ChannelKind::Rx, still)));
@@ -209,35 +209,29 @@ impl Column {
     }
 }
 
-/// The lowest value and the bits of values at entry points that cover `low` to `high` in units of `2^shift`.
-fn span(low: i32, high: i32, shift: u32) -> (i32, u8) {
-    let half = 1i64 << shift >> 1;
-    for bits in 0..=32u32 {
-        let by = shift + bits.saturating_sub(2);
-        let bottom = i64::from(low) >> by << by;
-        if bottom + (((1i64 << bits) - 1) << shift) + half >= i64::from(high) {
-            return (bottom as i32, bits as u8);
-        }
-    }
-    unreachable!("32 bits cover all words")
+/// The bits, with a sign, of values at entry points that cover `low` to `high` in units of `2^shift`.
+fn span(low: i32, high: i32, shift: u32) -> u8 {
+    let rounded = |value: i32| (i64::from(value) + (1i64 << shift >> 1)) >> shift;
+    let bits = |value: i64| 65 - (value ^ (value >> 63)).leading_zeros();
+    bits(rounded(low)).max(bits(rounded(high))).min(MAX_ENTRY_BITS.into()) as u8
 }
 
 /// Coefficients of the fixed predictors that are tried for a channel.
-fn candidates(predictor: Predictor, column: &Column) -> Vec<[i16; 2]> {
+fn candidates(predictor: Predictor, column: &Column) -> Vec<i16> {
     match predictor {
-        Predictor::Last | Predictor::Adaptive { .. } => vec![[0, 0]],
+        Predictor::Last | Predictor::Adaptive { .. } => vec![0],
         Predictor::First => {
             // R(1)/R(0) (7-14).
             let x: Vec<f64> = column.targets.iter().map(|&word| f64::from(word)).collect();
             let r0: f64 = x.iter().map(|x| x * x).sum();
             let r1: f64 = x.windows(2).map(|pair| pair[0] * pair[1]).sum();
             let leak = if r0 > 0.0 { (1.0 - r1 / r0) * f64::from(LEAK_ONE) } else { 0.0 };
-            vec![[0, 0], [leak.round().clamp(0.0, 32767.0) as i16, 0]]
+            vec![0, leak.round().clamp(0.0, 32767.0) as i16]
         }
         // The last value and a part of the last movement.
         Predictor::Second => [0.0, 0.2, 0.4, 0.55, 0.7, 0.8, 0.9, 1.0]
             .iter()
-            .map(|&part: &f64| [(part * f64::from(MOMENTUM_ONE)).round() as i16, 0])
+            .map(|&part: &f64| (part * f64::from(MOMENTUM_ONE)).round() as i16)
             .collect(),
     }
 }
@@ -266,15 +260,15 @@ pub(super) fn by_steps(
     let choose = |(column, &step): (&Column, &f64)| {
         // A step about as wide as the range says no more than no code does.
         if column.half_range() <= step / 2.0 {
-            return Choice { bits: 0, step: step_index(step), coefficients: [0, 0] };
+            return Choice { bits: 0, step: step_index(step), coefficient: 0 };
         }
         if settings.codec == CodecId::Pcm {
             let range = 2.0 * column.half_range();
             let bits = (range / step).log2().ceil().clamp(1.0, f64::from(MAX_BITS)) as u8;
-            return Choice { bits, step: 0, coefficients: [0, 0] };
+            return Choice { bits, step: 0, coefficient: 0 };
         }
-        let tried = candidates(settings.predictor, column).into_iter().map(|coefficients| {
-            let choice = Choice { bits: MAX_BITS, step: step_index(step), coefficients };
+        let tried = candidates(settings.predictor, column).into_iter().map(|coefficient| {
+            let choice = Choice { bits: MAX_BITS, step: step_index(step), coefficient };
             let coded = column.run(settings, parameters, choice);
             (entropy(&coded.codes), Choice { bits: bits_for(&coded.codes), ..choice })
         });
@@ -289,7 +283,7 @@ pub(super) fn by_steps(
 /// The best choice for every channel whose bits are given: the step and predictor with the least error.
 pub(super) fn by_bits(columns: &[Column], settings: &Settings, parameters: &[u8], bits: u8) -> Vec<Choice> {
     let choose = |column: &Column| {
-        let rest = Choice { bits: 0, step: 0, coefficients: [0, 0] };
+        let rest = Choice { bits: 0, step: 0, coefficient: 0 };
         if column.low == column.high {
             return rest;
         }
@@ -301,8 +295,8 @@ pub(super) fn by_bits(columns: &[Column], settings: &Settings, parameters: &[u8]
         let mut best = (f64::INFINITY, rest);
         let candidates = candidates(settings.predictor, column);
         let mut attempt = |step: u8| {
-            for &coefficients in &candidates {
-                let choice = Choice { bits, step, coefficients };
+            for &coefficient in &candidates {
+                let choice = Choice { bits, step, coefficient };
                 let coded = column.run(settings, parameters, choice);
                 let error = column.squared_error(&coded);
                 if error < best.0 {

@@ -4,7 +4,7 @@ use super::bits::BitWriter;
 use decoder_core::arithmetic::unsigned;
 use decoder_core::mclip::{Channel, MANTISSA_BITS, Packing};
 
-/// Most pairs of coefficients: an index is a byte.
+/// Most coefficients: an index is a byte.
 const MOST_PREDICTORS: usize = 256;
 
 /// The parts of a header that say what its channels are.
@@ -18,12 +18,12 @@ pub(super) struct Records {
 impl Records {
     /// The records of these channels, whose entry shifts are those of `precision`.
     pub fn of(channels: &[Channel<'_>], precision: u8, is_pcm: bool) -> Self {
-        let pairs = if is_pcm { Vec::new() } else { pairs(channels) };
-        let index = |channel: &Channel<'_>| nearest(&pairs, channel.coefficients);
+        let coefficients = if is_pcm { Vec::new() } else { coefficients(channels) };
+        let index = |channel: &Channel<'_>| nearest(&coefficients, channel.coefficient);
         let active = || channels.iter().filter(|channel| channel.bits > 0);
         let bits = packing(channels.iter().map(|channel| channel.bits));
         let step = packing(channels.iter().map(|channel| channel.step));
-        let entry_bits = packing(channels.iter().map(|channel| channel.entry_bits));
+        let entry_bits = packing(active().map(|channel| channel.entry_bits));
         let group = packing(active().map(|channel| channel.group));
         let predictor = packing(active().map(index));
         let mut out = BitWriter::default();
@@ -47,36 +47,37 @@ impl Records {
             out.put(channel.kind.id().into(), 3);
             put(&mut out, bits, channel.bits);
             put(&mut out, step, channel.step);
-            put(&mut out, entry_bits, channel.entry_bits);
             if channel.bits > 0 {
                 put(&mut out, group, channel.group);
                 if is_pcm {
-                    out.put(channel.coefficients[0] as u32, MANTISSA_BITS);
+                    out.put(channel.coefficient as u32, MANTISSA_BITS);
                 } else {
+                    put(&mut out, entry_bits, channel.entry_bits);
                     put(&mut out, predictor, index(channel));
                 }
             }
-            number(&mut out, unsigned(channel.low.checked_shr(channel.low_shift()).unwrap_or(0)));
+            if channel.bits == 0 || is_pcm {
+                number(&mut out, unsigned(channel.low >> channel.entry_shift));
+            }
         }
-        let predictors = pairs.iter().flatten().flat_map(|part| part.to_le_bytes()).collect();
+        let predictors = coefficients.iter().flat_map(|coefficient| coefficient.to_le_bytes()).collect();
         Self { predictors, records: out.take(), names }
     }
 }
 
-/// The pairs of coefficients that there are; none where all are the last value.
-fn pairs(channels: &[Channel<'_>]) -> Vec<[i16; 2]> {
-    let mut pairs: Vec<[i16; 2]> =
-        channels.iter().filter(|channel| channel.bits > 0).map(|channel| channel.coefficients).collect();
-    pairs.sort_unstable();
-    pairs.dedup();
-    pairs.truncate(MOST_PREDICTORS);
-    if pairs == [[0; 2]] { Vec::new() } else { pairs }
+/// The coefficients that there are; none where all are the last value.
+fn coefficients(channels: &[Channel<'_>]) -> Vec<i16> {
+    let active = channels.iter().filter(|channel| channel.bits > 0);
+    let mut coefficients: Vec<i16> = active.map(|channel| channel.coefficient).collect();
+    coefficients.sort_unstable();
+    coefficients.dedup();
+    coefficients.truncate(MOST_PREDICTORS);
+    if coefficients == [0] { Vec::new() } else { coefficients }
 }
 
-/// The number of the pair that is nearest.
-fn nearest(pairs: &[[i16; 2]], to: [i16; 2]) -> u8 {
-    let off = |pair: &[i16; 2]| pair.iter().zip(to).map(|(a, b)| u32::from(a.abs_diff(b))).sum::<u32>();
-    (0..pairs.len()).min_by_key(|&index| off(&pairs[index])).unwrap_or(0) as u8
+/// The number of the coefficient that is nearest.
+fn nearest(coefficients: &[i16], to: i16) -> u8 {
+    (0..coefficients.len()).min_by_key(|&index| coefficients[index].abs_diff(to)).unwrap_or(0) as u8
 }
 
 /// The narrowest packing that has room for these values.
@@ -155,19 +156,21 @@ mod tests {
                         joint: NAMES[(index as usize + round) % 4],
                         kind: ChannelKind::ALL[below(7) as usize],
                         low: 0,
-                        entry_bits: if is_pcm { 0 } else { below(33) as u8 },
+                        entry_bits: if is_pcm || bits == 0 { 0 } else { 1 + below(32) as u8 },
                         entry_shift: entry_shift(step, precision, is_pcm),
                         bits,
                         step,
                         group: 0,
-                        coefficients: match (bits, is_pcm) {
-                            (0, _) => [0; 2],
-                            (_, true) => [below(32768) as i16, 0],
-                            _ => [alpha, -alpha],
+                        coefficient: match (bits, is_pcm) {
+                            (0, _) => 0,
+                            (_, true) => below(32768) as i16,
+                            _ => alpha,
                         },
                     };
                     let low = below(1 << 32) as u32 as i32 >> below(32);
-                    channel.low = low.checked_shl(channel.low_shift()).unwrap_or(0);
+                    if bits == 0 || is_pcm {
+                        channel.low = low >> channel.entry_shift << channel.entry_shift;
+                    }
                     channel
                 })
                 .collect();
@@ -186,11 +189,11 @@ mod tests {
             bits: 7,
             step: 88,
             group: 0,
-            coefficients: [0; 2],
+            coefficient: 0,
         };
         let [few, many] = [1, 101].map(|count| check(CodecId::Dpcm, &vec![channel; count], 2));
-        // First of a joint, kind, and a low of zero. The length of the records takes two bytes then.
-        assert_eq!(many - few, 100 + 1);
+        // First of a joint, and kind.
+        assert_eq!(many - few, 51);
         let named = Channel { joint: "lfemur", ..channel };
         let three = check(CodecId::Dpcm, &[named, named, named], 2);
         assert_eq!(three - check(CodecId::Dpcm, &[channel; 3], 2), 7, "a joint is named once");
@@ -203,17 +206,17 @@ mod tests {
                 joint: "",
                 kind: ChannelKind::Rx,
                 low: 0,
-                entry_bits: 0,
+                entry_bits: 1,
                 entry_shift: 9,
                 bits: 4,
                 step: 64,
                 group: 0,
-                coefficients: [16_000 + index, 0],
+                coefficient: 16_000 + index,
             })
             .collect();
         let bytes = writer::header(&opening(CodecId::Dpcm, 400), &channels, 2);
         let header = Header::parse(&bytes, Limits::MAX).unwrap();
-        let found: Vec<i16> = header.channels().map(|channel| channel.coefficients[0]).collect();
+        let found: Vec<i16> = header.channels().map(|channel| channel.coefficient).collect();
         assert!((0..256).all(|index| found[index as usize] == 16_000 + index));
         assert!(found[256..].iter().all(|&alpha| alpha == 16_255));
     }

@@ -23,7 +23,7 @@ pub(super) struct Plan<'p> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Coded {
     /// For each entry point, the values that it starts with and their bits.
-    pub entries: Vec<Vec<(u32, u32)>>,
+    pub entries: Vec<Vec<(i32, u32)>>,
     /// Codes of all frames but those of entry points (pcm: of all frames), channels without bits left out.
     pub codes: Vec<i32>,
     /// For every code, the difference that it is to come near to.
@@ -79,37 +79,23 @@ impl Plan<'_> {
 struct Nearest<'n> {
     targets: &'n [i32],
     dead: i32,
-    values: Vec<(u32, u32)>,
+    values: Vec<(i32, u32)>,
     codes: &'n mut Vec<i32>,
     wanted: &'n mut Vec<i32>,
 }
 
 impl Choose for Nearest<'_> {
-    type Running = ();
-
-    fn begin(&self) {}
-
-    fn end(&mut self, (): ()) {}
-
-    fn entry(&mut self, (): &mut (), channel: usize, low: i32, shift: u8, bits: u32) -> u32 {
-        let above = i64::from(self.targets[channel]) - i64::from(low);
-        let most = (1i64 << bits) - 1;
-        let rounded = (above + ((1 << shift) >> 1)) >> shift;
-        let value = rounded.clamp(0, most) as u32;
+    fn entry(&mut self, channel: usize, shift: u32, bits: u32) -> i32 {
+        let most = (1i64 << bits >> 1) - 1;
+        let rounded = (i64::from(self.targets[channel]) + ((1 << shift) >> 1)) >> shift;
+        let value = rounded.clamp(!most, most) as i32;
         self.values.push((value, bits));
         value
     }
 
-    fn code<Q: Quantise>(
-        &mut self,
-        (): &mut (),
-        channel: usize,
-        predicted: i32,
-        quantiser: &Q,
-        state: &mut State,
-    ) -> Option<i32> {
+    fn code<Q: Quantise>(&mut self, channel: usize, predicted: i32, quantiser: &Q, state: &State) -> i32 {
         if state.bits() == 0 {
-            return None;
+            return 0;
         }
         let mut difference = self.targets[channel].wrapping_sub(predicted);
         self.wanted.push(difference);
@@ -119,6 +105,6 @@ impl Choose for Nearest<'_> {
         }
         let code = quantiser.nearest(difference, state.step(), state.bits());
         self.codes.push(code);
-        Some(code)
+        code
     }
 }

@@ -41,7 +41,7 @@ pub struct Steps {
 impl Steps {
     /// The quantiser of a clip.
     pub(super) fn quantiser(self) -> Adaptive {
-        Adaptive { multipliers: plan::classes(self.multipliers), low: self.lowest, high: MAX_STEP }
+        Adaptive::new(plan::classes(self.multipliers), self.lowest, MAX_STEP)
     }
 }
 

@@ -121,7 +121,7 @@ fn active<'p>(plan: &'p Plan<'_>) -> impl Iterator<Item = (usize, u8)> + 'p {
 /// A part of a frame.
 enum Frame<'c> {
     /// An entry point begins, with these values.
-    Entry(&'c [(u32, u32)]),
+    Entry(&'c [(i32, u32)]),
     /// The codes of a frame.
     Codes(&'c [i32]),
 }
@@ -186,7 +186,7 @@ fn assemble_clip(
         let out = &mut frames[frame].1;
         match part {
             Frame::Entry(values) => {
-                values.iter().for_each(|&(value, bits)| out.put(value, bits));
+                values.iter().for_each(|&(value, bits)| out.put_signed(value, bits));
                 contexts.fill(0);
                 match coder {
                     Coder::FixedWidth => out.align(),

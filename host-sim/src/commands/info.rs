@@ -2,9 +2,9 @@
 
 use super::input::is_mclip;
 use anyhow::{Context, Result};
-use decoder_core::mclip::{self, ChannelKind, CodecId};
+use decoder_core::Limits;
+use decoder_core::mclip::{self, ChannelKind};
 use decoder_core::qmd::Clip;
-use decoder_core::{I16F16, Limits};
 use host_sim::files;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -70,15 +70,18 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
     let clip =
         mclip::Clip::parse(bytes, Limits::MAX).with_context(|| format!("{name} is not a sound mclip"))?;
     // Decodes all of it, so that every checksum is looked at.
-    encoder::mclip::decode(bytes).with_context(|| format!("{name} is not a sound mclip"))?;
+    let motion = encoder::mclip::decode(bytes).with_context(|| format!("{name} is not a sound mclip"))?;
     let (header, opening) = (clip.header(), clip.header().opening());
     let fps = f64::from(opening.rate_numerator) / f64::from(opening.rate_denominator);
     let (codec, entropy) = (header.codec().id().name(), header.entropy().name());
     let seconds = f64::from(clip.frames()) / fps;
     let rate = bytes.len() as f64 * 8.0 / seconds;
-    let value = |word| I16F16::from_bits(word).to_num::<f64>();
+    let range = |channel: usize| {
+        let values = motion.samples.iter().skip(channel).step_by(motion.channels);
+        values
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)))
+    };
     let unit = |kind: ChannelKind| if kind.is_rotation() { "degrees" } else { "cm" };
-    let is_pcm = header.codec().id() == CodecId::Pcm;
     let cycles: Vec<(u8, u32)> = opening
         .cycles
         .as_chunks::<5>()
@@ -89,12 +92,14 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
     if args.json {
         let channels: Vec<_> = header
             .channels()
-            .map(|channel| {
+            .enumerate()
+            .map(|(index, channel)| {
+                let (low, high) = range(index);
                 serde_json::json!({
-                    "name": channel.to_string(), "unit": unit(channel.kind), "low": value(channel.low),
-                    "high": value(channel.high(is_pcm)), "bits": channel.bits, "step": channel.step,
+                    "name": channel.to_string(), "unit": unit(channel.kind), "low": low,
+                    "high": high, "bits": channel.bits, "step": channel.step,
                     "group": channel.group, "entry_bits": channel.entry_bits,
-                    "coefficients": channel.coefficients.map(|c| f64::from(c) / 16384.0),
+                    "coefficient": channel.coefficient,
                 })
             })
             .collect();
@@ -130,8 +135,8 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
     println!("  {} channels, of which {resting} rest", clip.channels());
     if args.channels {
         println!("  channel            bits  step   low        high");
-        for channel in header.channels() {
-            let (low, high) = (value(channel.low), value(channel.high(is_pcm)));
+        for (index, channel) in header.channels().enumerate() {
+            let (low, high) = range(index);
             let unit = unit(channel.kind);
             println!(
                 "  {:<18} {:>4} {:>5} {low:>10.3} {high:>10.3} {unit}",

@@ -9,7 +9,7 @@ const DECODE: Image<'static> = Image {
     package: "profile-image",
     source: "tests/profile-image",
     binary: "decode",
-    features: "",
+    features: "all",
     targets: &[],
     folder: "profile",
     files: &[],
@@ -54,7 +54,8 @@ pub fn prefix_images(targets: &[&str]) -> Result<Vec<Vec<u8>>> {
 /// As [`Image::build`].
 pub fn tick_images(clip: &[u8], map: &[u8], targets: &[&str], lent: bool) -> Result<Vec<Vec<u8>>> {
     let files = &[file(clip), ("BUNRAKU_MAP", "map.postcard", map)];
-    Image { binary: "tick", features: "tick", targets, files, variables: &[table(lent)], ..DECODE }.build()
+    Image { binary: "tick", features: "tick,all", targets, files, variables: &[table(lent)], ..DECODE }
+        .build()
 }
 
 /// Builds the image of a wearable that plays `clip` on the outputs of a joint map, given as its bytes, for one of Rust's
@@ -72,7 +73,7 @@ pub fn wearable_image(
     let files = &[file(clip), ("BUNRAKU_MAP", "map.postcard", map)];
     let (output_hz, clock_hz) = (output_hz.to_string(), clock_hz.to_string());
     let variables = &[table(true), ("BUNRAKU_OUTPUT_HZ", &*output_hz), ("BUNRAKU_CLOCK_HZ", &*clock_hz)];
-    let features = "wearable";
+    let features = "wearable,all";
     let image = Image { binary: "wearable", features, targets: &[target], files, variables, ..DECODE };
     Ok(image.build()?.concat())
 }

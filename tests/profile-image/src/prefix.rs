@@ -87,7 +87,7 @@ fn by_table(mut huffman: Huffman<'_>, bytes: &[u8], codes: &mut [i32]) {
     let mut bits = BitReader::new(bytes);
     let mut context = 0;
     for code in codes {
-        *code = huffman.code(&mut bits, 0, WIDTH, &mut context).unwrap_or(0);
+        *code = huffman.code(&mut bits, WIDTH, &mut context);
     }
 }
 
