@@ -14,7 +14,7 @@ mod images;
 pub mod measure;
 pub mod parts;
 pub mod report;
-mod svg;
+pub(crate) mod svg;
 
 pub use expect::{frames, ticks};
 pub use images::{images, mclip_images, prefix_images, tick_images};
