@@ -106,10 +106,12 @@ fn print(program: &Program, ran: &Ran, summary: &Summary) {
     }
     if let Some(cost) = &summary.cost {
         println!(
-            "  {:.0} cycles awake a tick, {} at most; {:.2} ms on the bus at most, {:.2} ms left at least, {} of {} ticks overrun",
+            "  {:.0} cycles awake a tick, {} at most; {:.2} ms on the bus at most, {:.2} ms left in the median, {:.2} at \
+             least; {} of {} ticks overrun",
             cost.awake_mean,
             cost.awake_max,
             cost.bus_us_max / 1e3,
+            cost.left_us_median / 1e3,
             cost.left_us_min / 1e3,
             cost.overrun,
             ran.costs.len()

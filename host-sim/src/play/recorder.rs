@@ -11,7 +11,8 @@ use firmware::map::BusKind;
 /// Longest packet of a player with 32 servos.
 const LONGEST: usize = 640;
 
-/// Virtual servos on a line where each packet of goal positions is one tick, whenever it arrives.
+/// Virtual servos on a line where each packet of goal positions is one tick, whenever it arrives. What is answered comes at
+/// the end of the tick.
 pub(crate) struct Recorder<'m> {
     map: &'m Map,
     servos: Bus,
@@ -23,6 +24,8 @@ pub(crate) struct Recorder<'m> {
     fault: Option<String>,
     /// Whether servos may refuse, and miss goals.
     disturbed: bool,
+    /// Whether the last packet was a read of one servo that nobody answered.
+    unanswered: bool,
 }
 
 impl<'m> Recorder<'m> {
@@ -44,6 +47,7 @@ impl<'m> Recorder<'m> {
             recording: Recording::default(),
             fault: None,
             disturbed: false,
+            unanswered: false,
         })
     }
 
@@ -68,19 +72,24 @@ impl<'m> Recorder<'m> {
         let mut answers = Vec::new();
         for byte in bytes {
             self.packet.push(*byte);
-            let tick = match self.framer.feed(&mut std::slice::from_ref(byte)) {
+            let (goals, read) = match self.framer.feed(&mut std::slice::from_ref(byte)) {
                 None => continue,
-                Some(Ok(packet)) => is_tick(&packet),
+                Some(Ok(packet)) => (is_tick(&packet), packet.instruction == Instruction::Read as u8),
                 Some(Err(error)) => {
                     self.fault.get_or_insert_with(|| format!("noise on the servo bus: {error}"));
-                    false
+                    (false, false)
                 }
             };
-            if tick {
+            // While no servo answers, none is told its goal, and one of them is asked each tick.
+            let silent = read && self.unanswered;
+            if goals || silent {
                 self.look();
             }
-            answers.extend(self.pass_on());
-            self.recording.ticks += u32::from(tick);
+            self.recording.ticks += u32::from(silent);
+            let answer = self.pass_on();
+            self.unanswered = read && answer.is_empty();
+            answers.extend(answer);
+            self.recording.ticks += u32::from(goals);
         }
         answers
     }

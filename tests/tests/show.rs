@@ -1,0 +1,178 @@
+//! A show with crossfades, a trigger, and servos that restart, fall silent and are cut off: the same on the host, on the
+//! simulated core and under QEMU.
+#![allow(clippy::unwrap_used)]
+
+use bunraku_tests::{bunraku, motion, require_program, require_target, workspace};
+use encoder::mclip::{Encoder, Quality, Settings};
+use encoder::{Motion, sample};
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const EVENTS: &str = "
+[[event]]
+at = 2.0
+what = 'restart'
+servo = 3
+
+[[event]]
+at = 2.6
+what = 'acknowledge'
+
+[[event]]
+at = 4.9
+what = 'silence'
+servo = 5
+seconds = 0.2
+
+[[event]]
+at = 5.4
+what = 'acknowledge'
+
+[[event]]
+at = 6.4
+what = 'cut'
+seconds = 0.15
+
+[[event]]
+at = 7.0
+what = 'acknowledge'
+
+[[event]]
+at = 12.0
+what = 'trigger'
+";
+
+/// Writes a show of two clips in `folder`.
+fn write_show(folder: &Path, events: &str) -> PathBuf {
+    let clip = sample::clip();
+    fs::write(folder.join("sample.asf"), sample::asf()).unwrap();
+    fs::copy(workspace().join("puppets/sample.toml"), folder.join("sample.toml")).unwrap();
+    let channels = clip.motion.channels;
+    let part = |from: usize, to: usize| Motion {
+        samples: clip.motion.samples[from * channels..to * channels].to_vec(),
+        ..clip.motion.clone()
+    };
+    for (name, motion, codec) in [
+        ("one.mclip", part(0, 100), decoder_core::mclip::CodecId::Dpcm),
+        ("two.mclip", part(200, 300), decoder_core::mclip::CodecId::Pcm),
+    ] {
+        let encoder = Encoder::new(&clip.skeleton, &motion).unwrap();
+        fs::write(folder.join(name), encoder.encode(&Settings::new(codec), Quality::Bits(8))).unwrap();
+    }
+    let show = folder.join("show.toml");
+    let text = format!(
+        "puppet = 'sample.toml'\nskeleton = 'sample.asf'\nplaylist = ['one', 'two', 'one']\ntrigger = 'two'\n\
+         [[clip]]\nname = 'one'\nfile = 'one.mclip'\n[[clip]]\nname = 'two'\nfile = 'two.mclip'\n{events}"
+    );
+    fs::write(&show, text).unwrap();
+    show
+}
+
+/// The report and the log of a run.
+fn run(show: &Path, on: &str) -> (Value, String) {
+    let (log, page) = (show.with_extension("csv"), show.with_extension("html"));
+    let mut command = bunraku();
+    command.arg("show").arg(show).args(["--on", on, "--json", "--log"]).arg(&log).arg("--html").arg(&page);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{on}: {}", String::from_utf8_lossy(&output.stderr));
+    let page = fs::read_to_string(&page).unwrap();
+    assert!(page.starts_with("<!doctype html>") && page.ends_with("</html>\n"));
+    assert!(!page.contains("NaN") && !page.contains("inf\""), "{on}: the page has numbers that are none");
+    assert!(!page.contains("src=") && !page.contains("href="), "{on}: the page needs something else");
+    (serde_json::from_slice(&output.stdout).unwrap(), fs::read_to_string(&log).unwrap())
+}
+
+fn check(report: &Value, faults: usize) {
+    let summary = &report["summary"];
+    assert_eq!((&summary["ends"], &summary["fault"]), (&"Resting".into(), &Value::Null), "{summary}");
+    assert_eq!(summary["outside_limits"], 0, "{summary}");
+    let found = summary["faults"].as_array().unwrap();
+    assert_eq!(found.len(), faults, "{found:?}");
+    for fault in found {
+        assert!(fault["settled_ms"].as_f64().is_some_and(|ms| ms <= 100.0), "{fault}");
+        assert_eq!(fault["state"], "Holding", "{fault}");
+    }
+}
+
+fn on_boards(show: &Path, here: &(Value, String), left_us_least: f64) {
+    if !(require_target("thumbv7em-none-eabi") && require_program("qemu-system-arm")) {
+        return;
+    }
+    for on in ["sim", "qemu"] {
+        let (report, log) = run(show, on);
+        assert!(log == here.1, "the goals on {on} differ");
+        let states = |report: &Value| {
+            let notes = report["notes"].as_array().unwrap().iter();
+            notes.filter(|note| note["what"] == "state").map(Value::to_string).collect::<Vec<_>>()
+        };
+        assert_eq!(states(&report), states(&here.0), "{on}");
+        check(&report, here.0["summary"]["faults"].as_array().unwrap().len());
+        if on == "sim" {
+            // Apart from ticks in which servos are waited for or set up, one by one.
+            let cost = &report["summary"]["cost"];
+            let (overrun, ticks) =
+                (cost["overrun"].as_u64().unwrap(), report["summary"]["ticks"].as_u64().unwrap());
+            assert!(
+                overrun * 20 < ticks && cost["left_us_median"].as_f64().unwrap() > left_us_least,
+                "{cost}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_disturbed_show_comes_to_its_end_everywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let show = write_show(folder.path(), EVENTS);
+    let here = run(&show, "host");
+    check(&here.0, 3);
+    on_boards(&show, &here, 5_000.0);
+}
+
+/// The show in puppets/show.toml, with three trials of different people. Its runs on boards take minutes: they are made where
+/// `BUNRAKU_SHOWS` is set.
+#[test]
+fn three_trials_come_to_their_end() {
+    let Some(motion) = motion() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    for (trial, subject, name) in [("02_01", "02", "walk"), ("05_03", "05", "dance"), ("49_04", "49", "leap")]
+    {
+        let mut encode = bunraku();
+        encode.arg("encode").arg(motion.join(format!("cmu/{trial}.amc"))).arg("--skeleton");
+        encode.arg(motion.join(format!("cmu/{subject}.asf"))).args(["--codec", "dpcm", "--bits", "8", "-o"]);
+        assert!(encode.arg(folder.path().join(name).with_extension("mclip")).status().unwrap().success());
+    }
+    fs::copy(motion.join("cmu/02.asf"), folder.path().join("02.asf")).unwrap();
+    for name in ["show.toml", "cmu-20.toml"] {
+        fs::copy(workspace().join("puppets").join(name), folder.path().join(name)).unwrap();
+    }
+    let show = folder.path().join("show.toml");
+    let here = run(&show, "host");
+    check(&here.0, 3);
+    let servos = here.0["summary"]["servos"].as_array().unwrap();
+    assert_eq!(servos.len(), 20);
+    if std::env::var_os("BUNRAKU_SHOWS").is_some() {
+        on_boards(&show, &here, 500.0);
+    }
+}
+
+#[test]
+fn a_wrong_show_is_one_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |events: &str, expected: &str| {
+        let show = write_show(folder.path(), events);
+        let output = bunraku().arg("show").arg(&show).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.status.code(), said.lines().count()), (Some(1), 1), "{said}");
+        assert!(said.contains(expected), "{expected:?} is not in {said:?}");
+    };
+    refused("[[event]]\nat = 1\nwhat = 'dance'\n", "unknown variant `dance`");
+    refused("[[event]]\nwhat = 'home'\n", "expected `at`, in seconds");
+    refused("[[event]]\nat = 1\nwhat = 'restart'\nservo = 99\n", "the puppet has no servo 99");
+    refused("[[event]]\nat = 1\nwhat = 'play'\nclip = 'three'\n", "there is no [[clip]] \"three\"");
+    refused("[[event]]\nat = 1\nwhat = 'speed'\nfactor = 9.0\n", "the speed is 9, expected 0.25 to 4");
+    refused("[[clip]]\nname = 'one'\nfile = 'two.mclip'\n", "two clips have the name \"one\"");
+    refused("[[clip]]\nname = 'x'\nfile = 'none.mclip'\n", "none.mclip");
+    refused("tempo = 3\n", "unknown field `tempo`");
+}
