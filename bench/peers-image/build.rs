@@ -39,7 +39,7 @@ fn main() {
     for (name, text) in texts.into_iter().chain([("store", store.as_slice())]) {
         fs::write(out.join(name), text).unwrap_or_else(|error| panic!("cannot write {name}: {error}"));
     }
-    println!("cargo:rustc-link-search={WORKSPACE}");
+    println!("cargo:rustc-link-search={WORKSPACE}/firmware/boards/qemu-mps2");
     for argument in ["--nmagic", "-Tlink.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }

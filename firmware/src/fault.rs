@@ -128,6 +128,7 @@ pub struct Watch<const N: usize> {
     silent: Vec<u8, N>,
     low: Vec<u8, N>,
     any_lost: bool,
+    any_slack: bool,
     dead: u8,
     late: u8,
 }
@@ -142,6 +143,7 @@ impl<const N: usize> Watch<N> {
             silent: none(),
             low: none(),
             any_lost: false,
+            any_slack: false,
             dead: 0,
             late: 0,
         }
@@ -150,6 +152,11 @@ impl<const N: usize> Watch<N> {
     /// Whether any servo has been silent for so long that it may be anywhere.
     pub const fn any_lost(&self) -> bool {
         self.any_lost
+    }
+
+    /// Whether any servo has said that its motor is off.
+    pub const fn any_slack(&self) -> bool {
+        self.any_slack
     }
 
     /// Whether a servo has been silent for so long that it may be anywhere.
@@ -174,7 +181,7 @@ impl<const N: usize> Watch<N> {
     ) -> Option<Fault> {
         let patience = self.patience;
         let mut fault = None;
-        self.any_lost = false;
+        (self.any_lost, self.any_slack) = (false, false);
         let counted = |count: &mut u8, wrong: bool| {
             *count = if wrong { count.saturating_add(1) } else { 0 };
             *count >= patience
@@ -186,13 +193,19 @@ impl<const N: usize> Watch<N> {
             let found = if let Some(reading) = reading {
                 *silent = 0;
                 let below = reading.millivolts.is_some_and(|found| found < settings.min_millivolts);
-                let low = counted(low, below);
                 let hot = reading.temperature.is_some_and(|found| found >= limit);
+                let slack = reading.torque == Some(false);
+                if !(below || hot || slack || reading.hardware_error != 0) {
+                    *low = 0;
+                    continue;
+                }
+                self.any_slack |= slack;
+                let low = counted(low, below);
                 if reading.hardware_error != 0 || hot {
                     hardware(servo, reading.hardware_error, hot)
                 } else if low {
                     Some(Fault::Voltage { servo })
-                } else if reading.torque == Some(false) && armed(index) {
+                } else if slack && armed(index) {
                     Some(Fault::Rebooted { servo })
                 } else {
                     continue;

@@ -49,6 +49,11 @@ pub struct IdlePose {
 }
 
 impl IdlePose {
+    /// Whether it adds nothing to any joint.
+    pub const fn is_still(&self) -> bool {
+        self.breathing | self.sway | self.gaze == 0
+    }
+
     /// What it adds to a joint with these amplitudes, in 1/1024 goal units. Any amplitudes.
     pub const fn offset(&self, idle: &map::Idle) -> i32 {
         // A product has at most 30 bits; 15 of them go, and [`FINE_BITS`] come.

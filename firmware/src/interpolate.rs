@@ -45,32 +45,26 @@ const fn part(high: i32, low: i32, fraction: Fraction) -> i32 {
     (high * fraction).wrapping_mul(2).wrapping_add((low * fraction) >> FRACTION_BITS)
 }
 
-/// Bits that a cubic's coefficients give away, so that they fit: 1/2048 of a degree remains.
-const CUBIC_SHIFT: u32 = 5;
+/// Frames that are further from each other than this are joined by lines: the coefficients of a cubic would not fit.
+const CURVED: i32 = 1 << 27;
 
 /// The value at `fraction` of the way from `taps[1]` to `taps[2]` on the Catmull-Rom curve through four frames in a row
 /// (Catmull and Rom 1974, "A class of local interpolating splines"): at both its slope is half the way between its neighbours.
 ///
-/// Raw values of one unit. The curve may leave the range of its taps by an eighth of their largest difference; beyond
-/// the range of an i32 it saturates. Rounds down, to 1/2048 where the unit is 1/65536. Six 32-bit multiplies.
+/// Raw values of one unit, within ±2³⁰. The curve may leave the range of its taps by an eighth of their largest difference. Rounds
+/// down. Where a frame is 2²⁷ or further from `taps[1]`, it is a line. Six 32-bit multiplies.
 pub const fn catmull_rom(taps: [i32; 4], fraction: Fraction) -> i32 {
     let [before, from, to, after] = taps;
-    // |x| ≤ 2²⁶, and the largest coefficient's sum is 12 of them.
-    let [p0, p1, p2, p3] =
-        [before >> CUBIC_SHIFT, from >> CUBIC_SHIFT, to >> CUBIC_SHIFT, after >> CUBIC_SHIFT];
-    let cubic = 3 * (p1 - p2) + p3 - p0;
-    let square = 2 * p0 - 5 * p1 + 4 * p2 - p3;
-    let linear = p2 - p0;
-    let sum = linear + of(square + of(cubic, fraction), fraction);
-    // Half of it, in the raw unit.
-    let value = from as i64 + ((of(sum, fraction) as i64) << (CUBIC_SHIFT - 1));
-    if value > i32::MAX as i64 {
-        i32::MAX
-    } else if value < i32::MIN as i64 {
-        i32::MIN
-    } else {
-        value as i32
+    // From `from` on all are small, and the sum of a coefficient's fourteen fits.
+    let (d0, d2, d3) = (before.wrapping_sub(from), to.wrapping_sub(from), after.wrapping_sub(from));
+    if (d0 ^ (d0 >> 31)) | (d2 ^ (d2 >> 31)) | (d3 ^ (d3 >> 31)) >= CURVED {
+        return lerp(from, to, fraction);
     }
+    let cubic = d3 - d0 - 3 * d2;
+    let square = 2 * d0 + 4 * d2 - d3;
+    let linear = d2 - d0;
+    let sum = linear + of(square + of(cubic, fraction), fraction);
+    from.wrapping_add(of(sum, fraction) >> 1)
 }
 
 /// `⌊value · fraction⌋`.
@@ -141,22 +135,39 @@ mod tests {
         for bits in [0, 1, 9_000, 32_767] {
             let line = [0, 64 << 16, 128 << 16, 192 << 16];
             let exact = (64 << 16) + bits * 128;
-            assert!((catmull_rom(line, Fraction(bits as u16)) - exact).abs() <= 32, "{bits}");
+            assert!((catmull_rom(line, Fraction(bits as u16)) - exact).abs() <= 1, "{bits}");
         }
     }
 
     proptest! {
         #[test]
-        fn a_cubic_equals_the_curve(taps: [i32; 4], shift in 0u32..16, bits in 0u16..1 << FRACTION_BITS) {
-            let taps = taps.map(|tap| tap >> shift);
+        fn a_cubic_equals_the_curve(
+            taps in prop::array::uniform4(-(1i32 << 26)..1 << 26),
+            at in -(1i32 << 29)..1 << 29,
+            shift in 0u32..16,
+            bits in 0u16..1 << FRACTION_BITS,
+        ) {
+            let taps = taps.map(|tap| at + (tap >> shift));
             let [p0, p1, p2, p3] = taps.map(f64::from);
             let t = f64::from(bits) / 32_768.0;
             let exact = p1 + 0.5 * t * (p2 - p0 + t * (2.0 * p0 - 5.0 * p1 + 4.0 * p2 - p3
                 + t * (3.0 * (p1 - p2) + p3 - p0)));
-            let exact = exact.clamp(f64::from(i32::MIN), f64::from(i32::MAX));
             let found = f64::from(catmull_rom(taps, Fraction(bits)));
-            // Twelve taps of the inner sums are cut by up to 32 each, and each product by 1.
-            prop_assert!((found - exact).abs() <= 300.0, "{found} {exact}");
+            // Three products are rounded down, the last of them once more.
+            prop_assert!((-2.1..=0.001).contains(&(found - exact)), "{found} {exact}");
+        }
+
+        #[test]
+        fn frames_too_far_apart_are_joined_by_lines(
+            taps in prop::array::uniform4(-(1i32 << 30)..=1 << 30),
+            which in 0usize..3,
+            bits in 0u16..1 << FRACTION_BITS,
+        ) {
+            let mut taps = taps;
+            let far = [0, 2, 3][which];
+            taps[far] = if taps[1] < 0 { taps[1] + CURVED } else { taps[1] - CURVED - 1 };
+            let fraction = Fraction(bits);
+            prop_assert_eq!(catmull_rom(taps, fraction), lerp(taps[1], taps[2], fraction));
         }
 
         #[test]

@@ -23,3 +23,4 @@ pub mod pwm;
 pub mod script;
 pub mod stage;
 pub mod voice;
+pub mod wearable;

@@ -6,18 +6,46 @@
 /// Bits of a fine position below the goal unit.
 pub const FINE_BITS: u32 = 10;
 
-/// What a servo may be told. `min ≤ max` within ±[`GOAL_LIMIT`](crate::map::GOAL_LIMIT), the others at least 1 and at
-/// most [`MAX_VELOCITY`]; the joint map checks that.
+/// What a servo may be told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Lowest goal, in goal units.
-    pub min: i32,
-    /// Highest goal, in goal units.
-    pub max: i32,
-    /// Largest change of the goal from one tick to the next, fine.
-    pub max_velocity: i32,
-    /// Largest change of that change, fine.
-    pub max_acceleration: i32,
+    /// Lowest and highest goal, fine.
+    min: i32,
+    max: i32,
+    max_velocity: i32,
+    max_acceleration: i32,
+    /// From where to where the highest velocity can be braked inside the range.
+    clear: (i32, i32),
+}
+
+impl Limits {
+    /// Goals from `min` to `max` in goal units, within ±[`GOAL_LIMIT`](crate::map::GOAL_LIMIT); fine, the largest change of a goal
+    /// from one tick to the next, and that of this change, from 1 to [`MAX_VELOCITY`]. The joint map checks that.
+    pub const fn new(min: i32, max: i32, max_velocity: i32, max_acceleration: i32) -> Self {
+        let (min, max) = (min << FINE_BITS, max << FINE_BITS);
+        let way =
+            brake_way(max_velocity, max_acceleration).div_ceil(2 * max_acceleration.unsigned_abs() as u64);
+        let way = if way > i32::MAX as u64 { i32::MAX } else { way as i32 };
+        let clear = (min.saturating_add(way), max.saturating_sub(way));
+        Self { min, max, max_velocity, max_acceleration, clear }
+    }
+
+    /// Lowest goal, fine.
+    pub const fn min(&self) -> i32 {
+        self.min
+    }
+
+    /// Highest goal, fine.
+    pub const fn max(&self) -> i32 {
+        self.max
+    }
+}
+
+/// What braking from `velocity` takes at most, the tick at that speed included, times twice `change`: a parabola and
+/// an eighth of `change`.
+const fn brake_way(velocity: i32, change: i32) -> u64 {
+    let (speed, change) = (velocity.unsigned_abs() as u64, change.unsigned_abs() as u64);
+    speed * (speed + change) + ((change * change) >> 2)
 }
 
 /// Largest velocity and acceleration that [`Limits`] can have: half of all goals there are.
@@ -61,8 +89,24 @@ impl Limiter {
     /// servo can stop inside its range without more than `max_acceleration`.
     #[inline]
     pub fn follow(&mut self, limits: &Limits, wanted: i32) {
-        let (min, max) = (limits.min << FINE_BITS, limits.max << FINE_BITS);
-        let wanted = clamp(wanted, min, max);
+        // Most ticks: the goal was what was wanted, is so again, and the ends of the range are far. Then nothing below
+        // changes it.
+        let velocity = wanted.saturating_sub(self.position);
+        let (max, change) = (limits.max_velocity, limits.max_acceleration);
+        if self.position == self.wanted
+            && (limits.clear.0..=limits.clear.1).contains(&self.position)
+            && (-max..=max).contains(&velocity)
+            && (-change..=change).contains(&velocity.wrapping_sub(self.velocity))
+        {
+            *self = Self { position: wanted, velocity, wanted };
+            return;
+        }
+        self.catch_up(limits, wanted);
+    }
+
+    /// [`follow`](Self::follow) wherever a limit has a say.
+    fn catch_up(&mut self, limits: &Limits, wanted: i32) {
+        let wanted = clamp(wanted, limits.min, limits.max);
         // Where the goal would be if it moved as `wanted` does. One that jumps does not move.
         let moved = clamp(wanted.wrapping_sub(self.wanted), -limits.max_velocity, limits.max_velocity);
         let behind = wanted.saturating_sub(self.position).saturating_sub(moved);
@@ -97,20 +141,15 @@ impl Limiter {
     /// Moves by `velocity`, or by less where it could not stop before the end of the range.
     #[inline]
     fn go(&mut self, limits: &Limits, velocity: i32) {
-        let room = if velocity < 0 {
-            self.position - (limits.min << FINE_BITS)
-        } else {
-            (limits.max << FINE_BITS) - self.position
-        };
+        let room = if velocity < 0 { self.position - limits.min } else { limits.max - self.position };
         let room = if room < 0 { 0 } else { room.unsigned_abs() };
-        let (speed, change) =
-            (u64::from(velocity.unsigned_abs()), u64::from(limits.max_acceleration.unsigned_abs()));
-        // What braking takes is at most a parabola and an eighth of `change`: most ticks end here, without a divide.
-        let ample = speed * (speed + change) + ((change * change) >> 2) <= 2 * change * u64::from(room);
+        let change = limits.max_acceleration;
+        // Most of what comes here ends here, without a divide.
+        let ample = brake_way(velocity, change) <= 2 * u64::from(change.unsigned_abs()) * u64::from(room);
         let safe = if ample {
             velocity
         } else {
-            let slower = braking(room, limits.max_acceleration);
+            let slower = braking(room, change);
             signed(slower.min(velocity.abs()), velocity)
         };
         self.position += safe;
@@ -123,9 +162,12 @@ impl Limiter {
 ///
 /// From there the speed of the next tick can be `s − change`, and the same holds for what is left of the distance.
 fn braking(distance: u32, change: i32) -> i32 {
-    let (distance, change) = (u64::from(distance), u64::from(change.unsigned_abs()).max(1));
+    // So that all of this fits 32 bits.
+    let (distance, change) = (distance.min(i32::MAX as u32), change.unsigned_abs().max(1));
     // Ticks of braking by all of `change`: the most with n (n + 1) change / 2 ≤ distance.
-    let whole = ((1 + 8 * distance / change).isqrt() - 1) / 2;
+    let quotient = distance / change;
+    let root = (2 * quotient).isqrt();
+    let whole = if root * (root + 1) / 2 <= quotient { root } else { root - 1 };
     let speed = (distance + change * (whole * (whole + 1) / 2)) / (whole + 1);
     i32::try_from(speed).unwrap_or(i32::MAX)
 }
@@ -152,7 +194,7 @@ mod tests {
     use crate::map::GOAL_LIMIT;
     use proptest::prelude::*;
 
-    const LIMITS: Limits = Limits { min: 0, max: 4095, max_velocity: 20 << 10, max_acceleration: 2 << 10 };
+    const LIMITS: Limits = Limits::new(0, 4095, 20 << 10, 2 << 10);
 
     fn fine(goal: i32) -> i32 {
         goal << FINE_BITS
@@ -242,12 +284,7 @@ mod tests {
         (ends.clone(), ends, 0u32..20, few.clone(), few).prop_map(
             |(one, other, narrow, velocity, acceleration)| {
                 let (one, other) = (one >> narrow, other >> narrow);
-                Limits {
-                    min: one.min(other),
-                    max: one.max(other),
-                    max_velocity: velocity,
-                    max_acceleration: acceleration,
-                }
+                Limits::new(one.min(other), one.max(other), velocity, acceleration)
             },
         )
     }
@@ -259,22 +296,41 @@ mod tests {
             start in -GOAL_LIMIT..=GOAL_LIMIT,
             wanted in prop::collection::vec((any::<i32>(), 0u8..8, 1i32..8), 1..200),
         ) {
-            let mut limiter = Limiter::at(clamp(start, limits.min, limits.max));
+            let ends = limits.min >> FINE_BITS..=limits.max >> FINE_BITS;
+            let mut limiter = Limiter::at(clamp(start, *ends.start(), *ends.end()));
             for (wanted, how, slow) in wanted {
                 let before = limiter;
-                let lowered = Limits { max_velocity: (limits.max_velocity / slow).max(1), ..limits };
+                let lowered =
+                    Limits::new(*ends.start(), *ends.end(), (limits.max_velocity / slow).max(1), limits.max_acceleration);
                 match how {
                     0 => limiter.stop(&limits),
                     1 => limiter.follow(&lowered, wanted),
                     2 => limiter.follow(&limits, limiter.position.saturating_add(wanted >> 16)),
                     _ => limiter.follow(&limits, wanted),
                 }
-                prop_assert!((fine(limits.min)..=fine(limits.max)).contains(&limiter.position()));
+                prop_assert!((limits.min..=limits.max).contains(&limiter.position()));
                 prop_assert!(limiter.velocity().abs() <= limits.max_velocity);
                 let change = i64::from(limiter.velocity()) - i64::from(before.velocity());
                 prop_assert!(change.abs() <= i64::from(limits.max_acceleration));
                 prop_assert_eq!(limiter.position() - before.position(), limiter.velocity());
-                prop_assert!((limits.min..=limits.max).contains(&limiter.goal()));
+                prop_assert!(ends.contains(&limiter.goal()));
+            }
+        }
+
+        /// Steps are small against the limits, so that both ways of `follow` are taken.
+        #[test]
+        fn the_short_way_ends_where_the_long_one_does(
+            limits in any_limits(),
+            steps in prop::collection::vec(-1.2f64..1.2, 1..100),
+        ) {
+            let mut short = Limiter::at((limits.min >> 1 >> FINE_BITS) + (limits.max >> 1 >> FINE_BITS));
+            let (mut long, mut wanted, mut velocity) = (short, short.position(), 0i32);
+            for step in steps {
+                velocity = velocity.saturating_add((f64::from(limits.max_acceleration) * step) as i32);
+                wanted = wanted.saturating_add(velocity);
+                short.follow(&limits, wanted);
+                long.catch_up(&limits, wanted);
+                prop_assert_eq!(short, long);
             }
         }
     }

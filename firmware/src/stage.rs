@@ -4,7 +4,7 @@ use crate::clock::Speed;
 use crate::fault::Fault;
 use crate::interpolate::{Fraction, least_jerk, lerp};
 use crate::machine::Show;
-use crate::map::{Joint, JointMap};
+use crate::map::JointMap;
 use crate::voice::{Frames, PlayError, Voice};
 use heapless::Deque;
 
@@ -120,16 +120,16 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
         self.speed
     }
 
-    /// Where the clips want a joint to be, in 1/1024 goal units; `None` where nothing plays.
+    /// Where the clips want the joints to be, in 1/1024 goal units; false, and nothing, where none plays.
     #[inline]
-    pub fn goal(&self, index: usize, joint: &Joint) -> Option<i32> {
+    pub fn pose(&self, wanted: &mut [i32]) -> bool {
         let interpolation = self.map.settings().interpolation;
-        let of = |playing: &Playing<_, N>| joint.goal(playing.voice.value(index, interpolation));
-        let goal = of(self.current.as_ref()?);
-        match &self.next {
-            Some(next) if self.faded.is_some() => Some(lerp(goal, of(next), self.mix)),
-            _ => Some(goal),
+        let Some(current) = &self.current else { return false };
+        current.voice.pose(interpolation, wanted, |wanted, goal| *wanted = goal);
+        if let (Some(next), Some(_)) = (&self.next, self.faded) {
+            next.voice.pose(interpolation, wanted, |wanted, goal| *wanted = lerp(*wanted, goal, self.mix));
         }
+        true
     }
 
     /// Plays a clip now, and forgets what waits.
@@ -217,9 +217,11 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
     /// Goes on by a tick; false after the last frame of the last clip.
     pub(crate) fn advance(&mut self) -> Result<bool, Fault> {
         let damaged = |error| Fault::Clip { error };
-        let step = (256 * 1000u32).div_ceil(u32::from(PAUSE_MILLIS) * u32::from(self.map.tick_hz()));
         let wanted = if self.paused { Speed::PAUSED } else { self.wanted };
-        self.speed = self.speed.towards(wanted, u16::try_from(step).unwrap_or(u16::MAX));
+        if self.speed != wanted {
+            let step = (256 * 1000u32).div_ceil(u32::from(PAUSE_MILLIS) * u32::from(self.map.tick_hz()));
+            self.speed = self.speed.towards(wanted, u16::try_from(step).unwrap_or(u16::MAX));
+        }
         let Some(playing) = &mut self.current else { return Ok(false) };
         // The last frame has its tick as well.
         let ended = playing.voice.ended();
@@ -324,8 +326,8 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
     /// Frames of the clip that plays in which it fades.
     fn fade_frames(&self) -> u32 {
         let rate = self.current.as_ref().map_or(0, |playing| playing.voice.rate_centihertz());
-        let millis = u32::from(self.map.settings().fade_millis);
-        let frames = u64::from(rate) * u64::from(millis) * u64::from(self.speed.parts()) / (100_000 * 256);
-        u32::try_from(frames).unwrap_or(u32::MAX)
+        // Both products fit: the speed is at most 1024.
+        let doubled = u32::from(rate) * u32::from(self.map.settings().fade_millis) / 2000;
+        doubled * u32::from(self.speed.parts()) / (50 * 256)
     }
 }

@@ -180,8 +180,8 @@ pub struct Voice<F, const N: usize> {
     repeats: bool,
     /// Frames that `taps` repeats the last one for: with 2 the voice is at the last frame.
     beyond: u8,
-    /// For every joint its channel in the frame before the one before the tick, and in those after.
-    taps: Vec<[I16F16; 4], N>,
+    /// For every joint its goal, fine, in the frame before the one before the tick, and in those after.
+    taps: Vec<[i32; 4], N>,
     /// Frame that is still to be reached.
     seek: Option<u32>,
 }
@@ -216,7 +216,7 @@ impl<F: Frames, const N: usize> Voice<F, N> {
             frame: start,
             repeats,
             beyond: 0,
-            taps: core::iter::repeat_n([I16F16::ZERO; 4], map.joints().len()).collect(),
+            taps: core::iter::repeat_n([0; 4], map.joints().len()).collect(),
             seek: Some(start),
             frames,
         })
@@ -251,15 +251,21 @@ impl<F: Frames, const N: usize> Voice<F, N> {
         }
     }
 
-    /// The value of joint `joint` at the tick, in the channel's unit.
+    /// Gives `put` where the clip wants each joint at the tick, in 1/1024 goal units within ±2³⁰, with that joint's place in
+    /// `wanted`.
     #[inline]
-    pub fn value(&self, joint: usize, interpolation: Interpolation) -> I16F16 {
-        let Some(taps) = self.taps.get(joint) else { return I16F16::ZERO };
-        let fraction = self.fraction;
-        I16F16::from_bits(match interpolation {
-            Interpolation::Linear => lerp(taps[1].to_bits(), taps[2].to_bits(), fraction),
-            Interpolation::CatmullRom => catmull_rom(taps.map(I16F16::to_bits), fraction),
-        })
+    pub fn pose(&self, interpolation: Interpolation, wanted: &mut [i32], put: impl Fn(&mut i32, i32)) {
+        let (fraction, joints) = (self.fraction, self.taps.iter().zip(wanted));
+        // One loop each: what is decided here is the same for all joints.
+        match interpolation {
+            _ if fraction == Fraction::START => joints.for_each(|(taps, wanted)| put(wanted, taps[1])),
+            Interpolation::Linear => {
+                joints.for_each(|(taps, wanted)| put(wanted, lerp(taps[1], taps[2], fraction)));
+            }
+            Interpolation::CatmullRom => {
+                joints.for_each(|(taps, wanted)| put(wanted, catmull_rom(*taps, fraction)));
+            }
+        }
     }
 
     /// Goes on by a tick. At the last frame it stays there.
@@ -339,8 +345,8 @@ impl<F: Frames, const N: usize> Voice<F, N> {
     fn pull(&mut self, map: &JointMap<N>) -> Result<bool, Error> {
         let frame = self.frames.next_frame()?;
         for (joint, taps) in map.joints().iter().zip(&mut self.taps) {
-            let next = frame.and_then(|frame| frame.get(usize::from(joint.channel)).copied());
-            *taps = [taps[1], taps[2], taps[3], next.unwrap_or(taps[3])];
+            let next = frame.and_then(|frame| frame.get(usize::from(joint.channel)));
+            *taps = [taps[1], taps[2], taps[3], next.map_or(taps[3], |&value| joint.goal(value))];
         }
         Ok(frame.is_some())
     }

@@ -1,103 +1,212 @@
-//! Builds the image of the board `qemu-mps2` with a clip and a joint map in it.
+//! The boards that this workspace has firmware for, and their images with a clip and a joint map in them.
 
-use crate::files;
 use crate::image::Image;
+use crate::profile::elf::Memory;
 use crate::puppet::{self, Map};
-use crate::show::Program;
-use anyhow::Result;
-use firmware::machine::{After, Command};
-use std::fmt::Write as _;
-use std::path::Path;
+use anyhow::{Result, anyhow, bail};
+use serde::Serialize;
 
-/// QEMU's name of the board.
-pub const MACHINE: &str = "mps2-an386";
+/// QEMU's name of the board `qemu-mps2`.
+pub const QEMU_MACHINE: &str = "mps2-an386";
 
-/// The board's clock in hertz (Arm AN386, "Clocks").
-pub const CLOCK_HZ: u32 = 25_000_000;
+/// That board's clock in hertz (Arm AN386, "Clocks").
+pub const QEMU_CLOCK_HZ: u32 = 25_000_000;
 
-/// The board that plays a show of several clips.
-const SHOW_PACKAGE: &str = "qemu-show";
-
-const PACKAGE: &str = "qemu-mps2";
-const TARGET: &str = "thumbv7em-none-eabi";
-
-/// Builds the image that plays `clip` (the bytes of a .qmd or .mclip) by `map`, and puts it at `to`.
-///
-/// `centihertz` is the rate to play at, in hundredths of a hertz, or 0 for the clip's own. Cargo's messages go to
-/// standard error.
-///
-/// # Errors
-/// A sentence that says what is missing: the source, cargo, the target, or what cargo could not build.
-pub fn build(clip: &[u8], map: &Map, centihertz: u16, to: &Path) -> Result<()> {
-    let image = Image {
-        package: PACKAGE,
-        source: "firmware/boards/qemu-mps2",
-        binary: PACKAGE,
-        features: "",
-        targets: &[TARGET],
-        folder: "play",
-        files: &[("BUNRAKU_CLIP", "clip", clip), ("BUNRAKU_MAP", "map.postcard", &puppet::to_bytes(map)?)],
-        variables: &[("BUNRAKU_CENTIHERTZ", &centihertz.to_string()), ("DEFMT_LOG", "info")],
-    };
-    let elf = image.build()?.concat();
-    files::write(to, |file| Ok(file.write_all(&elf)?))
+/// A board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Board {
+    /// Its package, and its name in commands.
+    pub name: &'static str,
+    /// Its folder in the workspace.
+    source: &'static str,
+    /// Rust's target.
+    target: &'static str,
+    /// Bytes of its flash and its RAM, as in its memory.x.
+    flash: u64,
+    ram: u64,
 }
 
-/// Builds the image that plays a show, and gives its bytes. Servos may be late by `slack_us`.
-///
-/// # Errors
-/// As [`build`].
-pub fn build_show(program: &Program, slack_us: u32) -> Result<Vec<u8>> {
-    let names: Vec<String> = (0..program.clips.len()).map(|index| format!("clip{index}")).collect();
-    let map = puppet::to_bytes(&program.map)?;
-    let source = show_source(program);
-    let mut files = vec![
-        ("BUNRAKU_MAP".to_owned(), "map.postcard", map.as_slice()),
-        ("BUNRAKU_SHOW".to_owned(), "show.rs", source.as_bytes()),
-    ];
-    for (index, (name, (_, _, bytes))) in names.iter().zip(&program.clips).enumerate() {
-        files.push((format!("BUNRAKU_CLIP{index}"), name, bytes));
+const KB: u64 = 1 << 10;
+const MB: u64 = 1 << 20;
+
+/// QEMU's mps2-an386, a Cortex-M4.
+pub const QEMU_MPS2: Board = Board {
+    name: "qemu-mps2",
+    source: "firmware/boards/qemu-mps2",
+    target: "thumbv7em-none-eabi",
+    flash: 4 * MB,
+    ram: 4 * MB,
+};
+
+/// Raspberry Pi Pico.
+pub const RP2040: Board = Board {
+    name: "rp2040",
+    source: "firmware/boards/rp2040",
+    target: "thumbv6m-none-eabi",
+    flash: 2 * MB,
+    ram: 264 * KB,
+};
+
+/// All.
+pub const BOARDS: [Board; 5] = [
+    QEMU_MPS2,
+    RP2040,
+    Board {
+        name: "rp2350",
+        source: "firmware/boards/rp2350",
+        target: "thumbv8m.main-none-eabi",
+        flash: 4 * MB,
+        ram: 512 * KB,
+    },
+    Board {
+        name: "stm32f411",
+        source: "firmware/boards/stm32f411",
+        target: "thumbv7em-none-eabi",
+        flash: 512 * KB,
+        ram: 128 * KB,
+    },
+    Board {
+        name: "nrf52840",
+        source: "firmware/boards/nrf52840",
+        target: "thumbv7em-none-eabi",
+        flash: MB,
+        ram: 256 * KB,
+    },
+];
+
+impl Board {
+    /// The board called `name`.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        BOARDS.iter().find(|board| board.name == name)
     }
-    let files: Vec<(&str, &str, &[u8])> =
-        files.iter().map(|(variable, name, bytes)| (variable.as_str(), *name, *bytes)).collect();
-    let image = Image {
-        package: SHOW_PACKAGE,
-        source: "firmware/boards/qemu-show",
-        binary: SHOW_PACKAGE,
-        features: "",
-        targets: &[TARGET],
-        folder: "show",
-        files: &files,
-        variables: &[
-            ("BUNRAKU_CLIPS", &program.clips.len().to_string()),
-            ("BUNRAKU_SLACK_US", &slack_us.to_string()),
-            ("DEFMT_LOG", "info"),
-        ],
-    };
-    Ok(image.build()?.concat())
-}
 
-/// The show as constants: what it plays by itself, and its commands.
-fn show_source(program: &Program) -> String {
-    let Program { playlist, repeats, idle_clip, trigger_clip, after, orders, .. } = program;
-    let after = match after {
-        After::Home => "After::Home",
-        After::Hold => "After::Hold",
-    };
-    let mut source = format!(
-        "/// What plays by itself.\nconst SHOW: Show<'static> = Show {{ playlist: &{playlist:?}, repeats: {repeats}, \
-         idle_clip: {idle_clip:?}, trigger_clip: {trigger_clip:?}, after: {after} }};\n\
-         /// Commands with their ticks.\nstatic ORDERS: [(u32, Command); {}] = [\n",
-        orders.len()
-    );
-    for (tick, command) in orders {
-        let command = match command {
-            Command::Speed(speed) => format!("Speed(Speed::new({}))", speed.parts()),
-            other => format!("{other:?}"),
+    /// Builds the image that plays `clip` (the bytes of a .qmd or .mclip) by `map`: an ELF file.
+    ///
+    /// `centihertz` is the rate to play at, in hundredths of a hertz, or 0 for the clip's own. Cargo's messages go to
+    /// standard error.
+    ///
+    /// # Errors
+    /// A sentence that says what is missing: the source, cargo, the target, or what cargo could not build.
+    pub fn build(&self, clip: &[u8], map: &Map, centihertz: u16) -> Result<Vec<u8>> {
+        let image = Image {
+            package: self.name,
+            source: self.source,
+            binary: self.name,
+            features: "",
+            targets: &[self.target],
+            folder: "play",
+            files: &[
+                ("BUNRAKU_CLIP", "clip", clip),
+                ("BUNRAKU_MAP", "map.postcard", &puppet::to_bytes(map)?),
+            ],
+            variables: &[("BUNRAKU_CENTIHERTZ", &centihertz.to_string()), ("DEFMT_LOG", "info")],
         };
-        // Writing to a string does not fail.
-        let _ = writeln!(source, "    ({tick}, Command::{command}),");
+        Ok(image.build()?.concat())
     }
-    source.push_str("];\n");
-    source
+
+    /// What an image for this board takes.
+    ///
+    /// # Errors
+    /// Where that is no ELF file.
+    pub fn size(&self, elf: &[u8]) -> Result<Size> {
+        let memory = Memory::of(elf)?;
+        let bytes = |flash: bool, ram: bool| {
+            let sections = memory.sections.iter();
+            sections
+                .filter(move |section| (section.flash, section.ram) == (flash, ram))
+                .map(|section| section.bytes)
+        };
+        let [text, data, bss] =
+            [(true, false), (true, true), (false, true)].map(|kind| bytes(kind.0, kind.1).sum());
+        Ok(Size {
+            board: self.name,
+            text,
+            data,
+            bss,
+            flash_share: (text + data) as f64 / self.flash as f64,
+            ram_share: (data + bss) as f64 / self.ram as f64,
+        })
+    }
+}
+
+/// Bytes of an image. The stack takes what is left of the RAM.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Size {
+    /// The board.
+    pub board: &'static str,
+    /// Code and constants, the clip among them: flash.
+    pub text: u64,
+    /// Variables with a value to begin with: flash and RAM.
+    pub data: u64,
+    /// Other variables: RAM.
+    pub bss: u64,
+    /// Part of the board's flash.
+    pub flash_share: f64,
+    /// Part of the board's RAM.
+    pub ram_share: f64,
+}
+
+/// What images may take: bytes of flash and RAM, by board.
+#[derive(Clone, Debug)]
+pub struct Budget(toml::Table);
+
+impl Budget {
+    /// From TOML: a table a board, with the keys `flash` and `ram`.
+    ///
+    /// # Errors
+    /// A sentence that names the line.
+    pub fn parse(text: &str) -> Result<Self> {
+        Ok(Self(text.parse()?))
+    }
+
+    /// What an image takes beyond its budget, as sentences.
+    ///
+    /// # Errors
+    /// Where there is no budget for the board.
+    pub fn exceeded(&self, size: &Size) -> Result<Vec<String>> {
+        let budget = self.0.get(size.board).and_then(toml::Value::as_table);
+        let Some(budget) = budget else { bail!("the budget has no table [{}]", size.board) };
+        let mut complaints = Vec::new();
+        for (key, found) in [("flash", size.text + size.data), ("ram", size.data + size.bss)] {
+            let most = budget.get(key).and_then(toml::Value::as_integer);
+            let most = most.and_then(|most| u64::try_from(most).ok());
+            let most = most.ok_or_else(|| anyhow!("[{}] has no bytes in the key \"{key}\"", size.board))?;
+            if found > most {
+                complaints
+                    .push(format!("{} takes {found} bytes of {key}, expected at most {most}", size.board));
+            }
+        }
+        Ok(complaints)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_budget_is_held_against_flash_and_ram() {
+        let size = Size { board: "rp2040", text: 900, data: 100, bss: 50, flash_share: 0.0, ram_share: 0.0 };
+        let exceeded = |text: &str| Budget::parse(text).unwrap().exceeded(&size);
+        assert_eq!(exceeded("[rp2040]\nflash = 1000\nram = 150").unwrap(), Vec::<String>::new());
+        let complaints = exceeded("[rp2040]\nflash = 999\nram = 149").unwrap();
+        assert_eq!(complaints[0], "rp2040 takes 1000 bytes of flash, expected at most 999");
+        assert_eq!(complaints[1], "rp2040 takes 150 bytes of ram, expected at most 149");
+        assert!(exceeded("[rp2040]\nflash = 1000").unwrap_err().to_string().contains("ram"));
+        assert!(exceeded("[rp2350]").unwrap_err().to_string().contains("[rp2040]"));
+    }
+
+    #[test]
+    fn what_memory_a_board_has_is_what_its_linker_script_says() {
+        for board in BOARDS {
+            let path = format!("{}/../{}/memory.x", env!("CARGO_MANIFEST_DIR"), board.source);
+            let script = std::fs::read_to_string(&path).unwrap();
+            for (name, bytes) in [("FLASH", board.flash), ("RAM", board.ram)] {
+                let line =
+                    script.lines().find(|line| line.trim_start().starts_with(&format!("{name} :"))).unwrap();
+                let lengths = [format!("LENGTH = {}K", bytes / KB), format!("LENGTH = {}M", bytes / MB)];
+                assert!(lengths.iter().any(|length| line.contains(length)), "{path}: {line}");
+            }
+        }
+    }
 }

@@ -14,6 +14,7 @@ pub mod puppet;
 pub mod qemu;
 mod qemu_log;
 pub mod rd;
+pub mod rp2040js;
 pub mod servos;
 pub mod show;
 pub mod thumb;

@@ -23,6 +23,7 @@ enum Command {
     Play(commands::play::Args),
     Puppet(commands::puppet::Args),
     Profile(commands::profile::Args),
+    Image(commands::image::Args),
     Qemu(commands::qemu::Args),
     Demo(commands::demo::Args),
     Bench(commands::bench::Args),
@@ -31,6 +32,7 @@ enum Command {
     Show(commands::show::Args),
     Rd(commands::rd::Args),
     Train(commands::train::Args),
+    Wearable(commands::wearable::Args),
 }
 
 /// Exit code of a check that failed, as against 2 for a usage error.
@@ -58,6 +60,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Play(args) => commands::play::run(args),
         Command::Puppet(args) => commands::puppet::run(args),
         Command::Profile(args) => commands::profile::run(args),
+        Command::Image(args) => commands::image::run(args),
         Command::Qemu(args) => commands::qemu::run(args),
         Command::Demo(args) => commands::demo::run(args),
         Command::Bench(args) => commands::bench::run(args),
@@ -66,5 +69,6 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Servos(args) => commands::servos::run(args),
         Command::Rd(args) => commands::rd::run(args),
         Command::Train(args) => commands::train::run(args),
+        Command::Wearable(args) => commands::wearable::run(args),
     }
 }

@@ -7,6 +7,7 @@ use crate::files;
 use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
+use crate::rp2040js;
 use crate::thumb::{Board, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
 use embedded_hal_async::delay::DelayNs;
@@ -184,9 +185,10 @@ pub fn on_qemu(
 ) -> Result<Recording> {
     let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
     let path = folder.path().join("bunraku-board");
-    board::build(bytes, map, centihertz, &path)?;
+    let elf = board::QEMU_MPS2.build(bytes, map, centihertz)?;
+    files::write(&path, |file| Ok(file.write_all(&elf)?))?;
     let mut recorder = Recorder::new(map)?;
-    let image = qemu::Image { path: &path, machine: board::MACHINE, arguments: &[] };
+    let image = qemu::Image { path: &path, machine: board::QEMU_MACHINE, arguments: &[] };
     let mut device = |bytes: &[u8]| recorder.receive(bytes);
     qemu::run(&image, Some(&mut device), limit(clip.frames(), rate(clip, centihertz)), log)?;
     recorder.finish()
@@ -203,10 +205,7 @@ pub fn on_sim(
     centihertz: u16,
     log: &mut dyn FnMut(&str),
 ) -> Result<(Recording, Usage)> {
-    let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
-    let path = folder.path().join("bunraku-board");
-    board::build(bytes, map, centihertz, &path)?;
-    let elf = files::read(&path)?;
+    let elf = board::QEMU_MPS2.build(bytes, map, centihertz)?;
     let mut lines = Log::new(&elf)?;
     let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
     let mut machine = Machine::new(Core::M4, &Board::mps2(), &image).map_err(|error| anyhow!(error))?;
@@ -219,7 +218,7 @@ pub fn on_sim(
                 garbled = lines.take(bytes, log);
             }
         },
-        limit(clip.frames(), rate(clip, centihertz)).as_secs() * u64::from(board::CLOCK_HZ),
+        limit(clip.frames(), rate(clip, centihertz)).as_secs() * u64::from(board::QEMU_CLOCK_HZ),
     );
     garbled?;
     match ended.map_err(|fault| anyhow!("{fault}"))? {
@@ -227,6 +226,25 @@ pub fn on_sim(
         Some(code) => bail!("the image on the simulated board ended with exit code {code}"),
         None => bail!("the image on the simulated board did not come to an end"),
     }
+}
+
+/// As [`on_qemu`], on the board `rp2040`, a Raspberry Pi Pico, in the emulator rp2040js.
+///
+/// # Errors
+/// As [`on_qemu`]; where the emulator is missing, where its bus is driven from both ends, and where the board logs an error.
+pub fn on_rp2040(
+    clip: &Clip<'_>,
+    bytes: &[u8],
+    map: &Map,
+    centihertz: u16,
+    log: &mut dyn FnMut(&str),
+) -> Result<(Recording, rp2040js::Figures)> {
+    let elf = board::RP2040.build(bytes, map, centihertz)?;
+    let mut recorder = Recorder::new(map)?;
+    let limit = limit(clip.frames(), rate(clip, centihertz));
+    let figures =
+        rp2040js::run(&elf, &rp2040js::package(), &mut |bytes| recorder.receive(bytes), limit, log)?;
+    Ok((recorder.finish()?, figures))
 }
 
 /// How long QEMU may take, or simulated time be: simulated seconds took half a second each where this was measured.

@@ -2,8 +2,8 @@
 fn main() {
     let folder = env!("CARGO_MANIFEST_DIR");
     println!("cargo:rerun-if-changed={folder}/microbit.x");
-    // memory.x, at the top of the workspace, is that of the M4 and the M3 board.
-    println!("cargo:rustc-link-search={folder}/../..");
+    // memory.x, of QEMU's mps2, is that of the M4 and the M3 board.
+    println!("cargo:rustc-link-search={folder}/../../firmware/boards/qemu-mps2");
     println!("cargo:rustc-link-arg-bins=--nmagic");
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     if std::env::var("TARGET").is_ok_and(|target| target.starts_with("thumbv6m")) {

@@ -2,10 +2,11 @@
 //!
 //! - `BUNRAKU_CLIP`: path of a .qmd; a golden vector unless given
 //! - `BUNRAKU_MCLIP`: path of a .mclip, for the image `decode-mclip`; a golden vector unless given. Where it is given, the
-//!   image `tick` plays it
+//!   images `tick` and `wearable` play it
 //! - `BUNRAKU_VERIFY`: `blocks` to have the .mclip's blocks checked as they are entered, and not all before
 //! - `BUNRAKU_TABLE`: `none` to lend the decoder no memory for its table
-//! - `BUNRAKU_MAP`: path of a joint map as postcard bytes, for the image `tick`
+//! - `BUNRAKU_MAP`: path of a joint map as postcard bytes, for the images `tick` and `wearable`
+//! - `BUNRAKU_OUTPUT_HZ`, `BUNRAKU_CLOCK_HZ`: ticks a second and the core's clock, for the image `wearable`
 //! - `BUNRAKU_NOPS`: instructions to waste in every frame, so that tests have a slower decoder to find
 
 use decoder_core::{Limits, mclip, qmd::Clip};
@@ -33,13 +34,20 @@ fn main() {
     write(&out, "nops.rs", nops.as_bytes());
     write(&out, "clip.qmd", &bytes);
     mclip(&out);
-    if env::var_os("CARGO_FEATURE_TICK").is_some() {
-        let map = variable("BUNRAKU_MAP").expect("the image `tick` needs a map: set BUNRAKU_MAP");
+    if ["CARGO_FEATURE_TICK", "CARGO_FEATURE_WEARABLE"].iter().any(|feature| env::var_os(feature).is_some()) {
+        let map = variable("BUNRAKU_MAP").expect("this image needs a map: set BUNRAKU_MAP");
         write(&out, "map.postcard", &read(Path::new(&map)));
     }
+    let number = |name| variable(name).map_or(0, |number| number.parse::<u32>().expect("a number"));
+    let wearable = format!(
+        "/// Ticks a second.\nconst OUTPUT_HZ: u16 = {};\n/// The core's clock.\nconst CLOCK_HZ: u32 = {};\n",
+        number("BUNRAKU_OUTPUT_HZ"),
+        number("BUNRAKU_CLOCK_HZ")
+    );
+    write(&out, "wearable.rs", wearable.as_bytes());
 
-    // The map of memory, memory.x, is that of the default board: flash at 0, RAM at 0x2000_0000, 4 MiB of each.
-    println!("cargo:rustc-link-search={WORKSPACE}");
+    // The map of memory, memory.x, is that of QEMU's board: flash at 0, RAM at 0x2000_0000, 4 MiB of each.
+    println!("cargo:rustc-link-search={WORKSPACE}/firmware/boards/qemu-mps2");
     for argument in ["--nmagic", "-Tlink.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
@@ -62,7 +70,8 @@ fn mclip(out: &Path) {
     let verify = format!(
         "/// Whether blocks are checked as they are entered.\nconst VERIFY_BLOCKS: bool = {blocks};\n"
     );
-    write(out, "mclip_sizes.rs", (sizes.concat() + &verify).as_bytes());
+    write(out, "mclip_sizes.rs", sizes.concat().as_bytes());
+    write(out, "verify.rs", verify.as_bytes());
     write(out, "clip.mclip", &bytes);
 }
 

@@ -48,6 +48,16 @@ pub fn motion() -> Option<PathBuf> {
     None
 }
 
+/// The folder of an npm package that tests compare us with: in target/npm, where `cargo xtask setup` puts it.
+pub fn npm_package(name: &str) -> Option<PathBuf> {
+    let folder = workspace().join("target/npm/node_modules").join(name);
+    if !folder.is_dir() {
+        skip(&format!("the npm package {name} is not in target/npm (run `cargo xtask setup`)"));
+        return None;
+    }
+    require_program("node").then_some(folder)
+}
+
 /// The command `bunraku`, as built next to the running test.
 ///
 /// # Panics

@@ -1,7 +1,7 @@
-//! The player gives the same goals here, and on the Cortex-M4 board under QEMU and on the simulated core.
+//! The player gives the same goals here, on the Cortex-M4 board under QEMU and on the simulated core, and on an emulated Pico.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{bunraku, motion, require_program, require_target, workspace};
+use bunraku_tests::{bunraku, motion, npm_package, require_program, require_target, workspace};
 use encoder::sample;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,6 +17,11 @@ fn succeeds(command: &mut Command) -> String {
 
 fn can_run_the_board() -> bool {
     require_target(BOARD_TARGET) && require_program("qemu-system-arm")
+}
+
+/// Where the Cortex-M4 board runs.
+fn m4() -> &'static [&'static str] {
+    if can_run_the_board() { &["qemu", "sim"] } else { &[] }
 }
 
 /// Encodes a motion of `skeleton` in `folder`, plays it on the puppet, and gives the report and the log.
@@ -64,6 +69,7 @@ fn same_everywhere(
     container: &str,
     ticks: u64,
     awake_most: f64,
+    elsewhere: &[&str],
 ) {
     let folder = tempfile::tempdir().unwrap();
     let (report, here) = play(folder.path(), motion, skeleton, puppet, container, "host");
@@ -75,15 +81,13 @@ fn same_everywhere(
     );
     assert_eq!(here.lines().count() as u64, 1 + servos * played);
     assert_eq!(here.lines().next(), Some("time_s,servo,goal_position"));
-    if can_run_the_board() {
-        for on in ["qemu", "sim"] {
-            let (report, there) = play(folder.path(), motion, skeleton, puppet, container, on);
-            assert!(here == there, "the logs of {} on {on} differ", motion.display());
-            if on == "sim" {
-                // The rest of the core's clock must pass asleep, or sleeping does not work.
-                let awake = report["awake"].as_f64().unwrap();
-                assert!(awake > 0.0 && awake < awake_most, "{report}");
-            }
+    for &on in elsewhere {
+        let (report, there) = play(folder.path(), motion, skeleton, puppet, container, on);
+        assert!(here == there, "the logs of {} on {on} differ", motion.display());
+        if on != "qemu" {
+            // The rest of the core's clock must pass asleep, or sleeping does not work.
+            let awake = report["awake"].as_f64().unwrap();
+            assert!(awake > 0.0 && awake < awake_most, "{report}");
         }
     }
 }
@@ -93,7 +97,7 @@ fn the_cmu_walk_is_the_same_on_the_board() {
     let Some(folder) = motion() else { return };
     let folder = folder.join("cmu");
     // 343 frames at 120 Hz: ⌈342 · 50 / 120⌉ + 1 ticks.
-    same_everywhere(&folder.join("02_01.amc"), &folder.join("02.asf"), "cmu-12.toml", "qmd", 144, 0.25);
+    same_everywhere(&folder.join("02_01.amc"), &folder.join("02.asf"), "cmu-12.toml", "qmd", 144, 0.25, m4());
 }
 
 #[test]
@@ -101,7 +105,15 @@ fn a_clip_in_blocks_is_the_same_on_the_board() {
     let Some(folder) = motion() else { return };
     let folder = folder.join("cmu");
     // 251 frames at 120 Hz, and as many ticks. Every byte wakes this board, and 20 servos are read 120 times a second.
-    same_everywhere(&folder.join("49_04.amc"), &folder.join("49.asf"), "cmu-20.toml", "mclip", 251, 0.75);
+    same_everywhere(
+        &folder.join("49_04.amc"),
+        &folder.join("49.asf"),
+        "cmu-20.toml",
+        "mclip",
+        251,
+        0.75,
+        m4(),
+    );
 }
 
 #[test]
@@ -109,7 +121,16 @@ fn the_sample_is_the_same_on_the_board() {
     let folder = tempfile::tempdir().unwrap();
     let (motion, skeleton) = write_sample(folder.path());
     // An AMC has no rate, so 480 frames play at 120 Hz: ⌈479 · 50 / 120⌉ + 1 ticks.
-    same_everywhere(&motion, &skeleton, "sample.toml", "qmd", 201, 0.25);
+    same_everywhere(&motion, &skeleton, "sample.toml", "qmd", 201, 0.25, m4());
+}
+
+#[test]
+fn the_sample_is_the_same_on_a_pico() {
+    let folder = tempfile::tempdir().unwrap();
+    let (motion, skeleton) = write_sample(folder.path());
+    if npm_package("rp2040js").is_some() && require_target("thumbv6m-none-eabi") {
+        same_everywhere(&motion, &skeleton, "sample.toml", "qmd", 201, 0.1, &["rp2040"]);
+    }
 }
 
 #[test]

@@ -3,10 +3,9 @@
 //! `cargo test -p bunraku-tests --test thumb_calibration -- --nocapture` prints the figures of docs/CYCLES.md.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{cargo, require_program, require_target};
+use bunraku_tests::{cargo, npm_package, require_program, require_target};
 use host_sim::thumb::{Board, Core, Image, Machine, Stop, Waits};
 use std::fs;
-use std::path::PathBuf;
 use std::process::Command;
 
 /// More than any of these takes.
@@ -122,16 +121,4 @@ fn kernels_on_an_m0plus_as_in_rp2040js() {
         );
         assert_eq!(counted + linked, cycles, "{name}");
     }
-}
-
-/// The folder of an npm package that tests compare us with: in target/npm, where `cargo xtask setup` puts it.
-fn npm_package(name: &str) -> Option<PathBuf> {
-    let folder = bunraku_tests::workspace().join("target/npm/node_modules").join(name);
-    if !folder.is_dir() {
-        bunraku_tests::skip(&format!(
-            "the npm package {name} is not in target/npm (run `cargo xtask setup`)"
-        ));
-        return None;
-    }
-    require_program("node").then_some(folder)
 }

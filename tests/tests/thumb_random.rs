@@ -557,10 +557,7 @@ fn images(core: Core) -> Vec<Vec<u8>> {
         images.extend(profile::tick_images(&clip, &to_bytes(&map).unwrap(), &[target], lent).unwrap());
     }
     if core == Core::M4 {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("board");
-        board::build(&clip, &map, 0, &path).unwrap();
-        images.push(fs::read(path).unwrap());
+        images.push(board::QEMU_MPS2.build(&clip, &map, 0).unwrap());
     }
     images
 }

@@ -19,6 +19,7 @@ Usage: cargo xtask <COMMAND>
 Commands:
   demo       Encode, compare and play the embedded clip, on this machine and on a Cortex-M4 in QEMU
   test       Run all tests; what cannot run here is listed and counted. Arguments go to the test runner
+  boards     Build the firmware of every board with the embedded clip, and print what it takes of flash and RAM
   calibrate  Print how well the simulated cores agree with measurements and other simulators (docs/CYCLES.md)
   coverage   Print which lines of decoder-core its tests run; fails below 98 % (docs/TESTING.md, as the next three)
   miri       Interpret the tests of decoder-core, for a little- and a big-endian machine (nightly)
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
     let done = match (command.as_deref(), rest.as_slice()) {
         (Some("demo"), []) => demo(),
         (Some("test"), _) => test(&rest),
+        (Some("boards"), []) => boards(),
         (Some("calibrate"), []) => calibrate(),
         (Some("coverage"), []) => verify::coverage(),
         (Some("miri"), []) => verify::miri(),
@@ -105,6 +107,25 @@ fn test(arguments: &[String]) -> Result<()> {
         (1.., Some(_)) => Err(format!("{count} tests were skipped, and in CI a skip is a failure")),
         _ => Ok(()),
     }
+}
+
+/// Builds every board's image; fails where one takes more than firmware/boards/budget.toml allows.
+fn boards() -> Result<()> {
+    setup::for_boards().report()?;
+    run(cargo()
+        .args([
+            "run",
+            "--quiet",
+            "--package",
+            "host-sim",
+            "--bin",
+            "bunraku",
+            "--",
+            "image",
+            "--board",
+            "all",
+        ])
+        .args(["--budget", "firmware/boards/budget.toml"]))
 }
 
 /// The tests that show how well the simulated cores agree with others, with what they print.

@@ -104,6 +104,8 @@ pub fn miri() -> Result<()> {
         run(Command::new("cargo")
             .current_dir(workspace())
             .env("MIRIFLAGS", "-Zmiri-disable-isolation")
+            // Interpreted, a case takes a thousand times as long.
+            .env("PROPTEST_CASES", "8")
             .args(["+nightly", "miri", "test", "--quiet", "--package", "decoder-core", "--tests"])
             .args(["--target", target]))?;
     }

@@ -30,7 +30,8 @@ fn main() {
     let slack = variable("BUNRAKU_SLACK_US").unwrap_or_else(|| "300".to_owned());
     println!("cargo:rustc-env=BUNRAKU_SLACK_US={slack}");
 
-    println!("cargo:rustc-link-search={}/../../..", env!("CARGO_MANIFEST_DIR"));
+    // The map of the memory is that board's.
+    println!("cargo:rustc-link-search={}/../qemu-mps2", env!("CARGO_MANIFEST_DIR"));
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }

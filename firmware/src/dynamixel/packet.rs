@@ -137,18 +137,24 @@ impl<'b> PacketWriter<'b> {
         Ok(())
     }
 
-    /// Appends a few parameters, as [`push`](Self::push) does; what needs no stuffing at a copy's cost.
+    /// Appends a servo's id and its value, as [`push`](Self::push) does; what needs no stuffing at a copy's cost.
     ///
     /// # Errors
     /// [`WriteError::BufferTooSmall`] when they do not fit.
     #[inline(always)]
-    pub fn push_value<const N: usize>(&mut self, value: [u8; N]) -> Result<(), WriteError> {
-        if value.contains(&0xFD) || value.last() == Some(&0xFF) {
+    pub fn push_value<const N: usize>(&mut self, id: u8, value: [u8; N]) -> Result<(), WriteError> {
+        // Stuffing begins with an FD, or with an FF that has one behind it.
+        let has_fd = value.iter().fold(id == 0xFD, |any, &byte| any | (byte == 0xFD));
+        if has_fd || value.last().unwrap_or(&id) == &0xFF {
+            self.push(&[id])?;
             return self.push(&value);
         }
-        let rest = self.buffer.get_mut(self.len..).ok_or(WriteError::BufferTooSmall)?;
+        let Some([first, rest @ ..]) = self.buffer.get_mut(self.len..) else {
+            return Err(WriteError::BufferTooSmall);
+        };
+        *first = id;
         *rest.first_chunk_mut::<N>().ok_or(WriteError::BufferTooSmall)? = value;
-        self.len += N;
+        self.len += 1 + N;
         self.run = 0;
         Ok(())
     }

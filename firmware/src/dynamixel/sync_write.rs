@@ -38,8 +38,7 @@ pub fn sync_write<const LEN: usize>(
     writer.push(&address.to_le_bytes())?;
     writer.push(&u16::try_from(LEN).map_err(|_| WriteError::TooLong)?.to_le_bytes())?;
     for (id, value) in values {
-        writer.push_value([id])?;
-        writer.push_value(value)?;
+        writer.push_value(id, value)?;
     }
     writer.finish()
 }

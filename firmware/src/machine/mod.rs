@@ -16,7 +16,7 @@ use crate::fault::{Fault, Feedback, Watch};
 use crate::idle::{IdleLayer, IdlePose};
 use crate::interpolate::{Fraction, least_jerk, lerp};
 use crate::limits::{FINE_BITS, Limiter, Limits, clamp};
-use crate::map::{GOAL_LIMIT, Joint, JointMap, Policy};
+use crate::map::{GOAL_LIMIT, Idle, Joint, JointMap, Policy};
 use crate::stage::{Library, Stage};
 use crate::voice::PlayError;
 use heapless::Vec;
@@ -35,6 +35,7 @@ const FIND_MILLIS: u16 = 1500;
 #[derive(Clone, Copy, Debug)]
 struct Servo {
     limiter: Limiter,
+    limits: Limits,
     /// Where easing began, fine.
     from: i32,
     /// Whether it was told to hold.
@@ -42,13 +43,18 @@ struct Servo {
 }
 
 impl Servo {
-    /// A tick towards `wanted`, or of braking. A servo that does not hold stays where it was last seen.
+    /// A tick towards `wanted`. A servo that does not hold stays where it was last seen.
     #[inline]
-    fn go(&mut self, joint: &Joint, wanted: Option<i32>) {
-        match wanted {
-            _ if !self.armed => {}
-            Some(wanted) => self.limiter.follow(&joint.limits(), wanted),
-            None => self.limiter.stop(&joint.limits()),
+    fn go(&mut self, wanted: i32) {
+        if self.armed {
+            self.limiter.follow(&self.limits, wanted);
+        }
+    }
+
+    /// A tick of braking.
+    fn brake(&mut self) {
+        if self.armed {
+            self.limiter.stop(&self.limits);
         }
     }
 }
@@ -61,8 +67,12 @@ pub struct Machine<'m, L: Library, const N: usize> {
     fault: Option<Fault>,
     watch: Watch<N>,
     servos: Vec<Servo, N>,
+    /// Where the joints are to go, fine, before limits.
+    wanted: Vec<i32, N>,
     goals: Vec<Goal, N>,
     idle: IdleLayer,
+    /// Whether the idle layer has a joint to move.
+    sways: bool,
     after: After,
     /// The servo that is looked for or turned on, and ticks since it was asked first.
     servo: usize,
@@ -81,15 +91,22 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     /// A puppet whose power came on.
     pub fn new(map: &'m JointMap<N>, library: L, show: Show<'m>, start: Start) -> Self {
         let joints = map.joints();
-        let servo = |joint: &Joint| Servo { limiter: Limiter::at(joint.home), from: 0, armed: false };
+        let servo = |joint: &Joint| Servo {
+            limiter: Limiter::at(joint.home),
+            limits: joint.limits(),
+            from: 0,
+            armed: false,
+        };
         Self {
             stage: Stage::new(map, library, show),
             state: State::Finding,
             fault: (start == Start::ByItself).then_some(Fault::Restarted),
             watch: Watch::new(map.settings(), joints.len()),
             servos: joints.iter().map(servo).collect(),
+            wanted: joints.iter().map(|joint| joint.home << FINE_BITS).collect(),
             goals: joints.iter().map(|joint| Goal { id: joint.id, position: joint.home }).collect(),
             idle: IdleLayer::new(map.tick_hz(), 1),
+            sways: joints.iter().any(|joint| joint.idle != Idle::default()),
             after: show.after,
             servo: 0,
             waited: 0,
@@ -181,7 +198,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         if self.fault.is_some() {
             self.idle.reset();
         }
-        let idle = self.idle.tick(self.moves_by_itself());
+        let idle = self.idle.tick(self.sways && self.moves_by_itself());
         self.act(idle);
         self.asked = action;
         // Servos that hold are told so while the others are looked for.
@@ -285,7 +302,9 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             }
             _ => {}
         }
-        let fallen = self.servos.iter_mut().zip(feedback.readings).enumerate().find_map(|(index, pair)| {
+        let readings = self.servos.iter_mut().zip(feedback.readings).enumerate();
+        let mut looked_at = readings.take_while(|_| self.watch.any_slack());
+        let fallen = looked_at.find_map(|(index, pair)| {
             let (servo, reading) = (pair.0, (*pair.1)?);
             (reading.torque == Some(false) && reading.hardware_error == 0).then(|| {
                 servo.limiter = Limiter::at(within(reading.position));
@@ -439,7 +458,8 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
                 }
             }
             State::Easing => {
-                if self.ease(Stage::goal) {
+                self.stage.pose(&mut self.wanted);
+                if self.ease() {
                     self.state = State::Playing;
                 }
             }
@@ -452,7 +472,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             }
             State::Holding => self.sway(idle),
             State::Returning => {
-                if self.ease(home) {
+                if self.ease() {
                     self.state = State::Resting;
                 }
             }
@@ -464,17 +484,28 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     fn open(&mut self, idle: IdlePose) {
         match self.stage.open() {
             Ok(true) if self.stage.is_empty() => self.stopped(idle),
-            Ok(true) => self.begin_easing(State::Easing, Stage::goal),
+            Ok(true) => {
+                self.stage.pose(&mut self.wanted);
+                self.begin_easing(State::Easing);
+            }
             Ok(false) => {}
             Err(error) => self.raise(error),
         }
     }
 
     fn play(&mut self, idle: IdlePose) {
-        let Self { map, stage, servos, .. } = self;
-        for (index, (joint, servo)) in map.joints().iter().zip(servos).enumerate() {
-            let wanted = stage.goal(index, joint);
-            servo.go(joint, wanted.map(|wanted| wanted.saturating_add(idle.offset(&joint.idle))));
+        let Self { map, stage, servos, wanted, .. } = self;
+        if stage.pose(wanted) {
+            if !idle.is_still() {
+                for (joint, wanted) in map.joints().iter().zip(wanted.iter_mut()) {
+                    *wanted = wanted.saturating_add(idle.offset(&joint.idle));
+                }
+            }
+            for (servo, &mut wanted) in servos.iter_mut().zip(wanted) {
+                servo.go(wanted);
+            }
+        } else {
+            servos.iter_mut().for_each(Servo::brake);
         }
         match stage.advance() {
             Ok(true) => {}
@@ -493,7 +524,10 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             Some(_) => self.map.settings().policy == Policy::EaseHome,
         };
         if goes_home {
-            self.begin_easing(State::Returning, home);
+            for (wanted, joint) in self.wanted.iter_mut().zip(self.map.joints()) {
+                *wanted = joint.home << FINE_BITS;
+            }
+            self.begin_easing(State::Returning);
         } else {
             for (joint, servo) in self.map.joints().iter().zip(&mut self.servos) {
                 servo.from = servo.limiter.position() - idle.offset(&joint.idle);
@@ -507,31 +541,27 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     }
 
     fn hold(&mut self) {
-        for (joint, servo) in self.map.joints().iter().zip(&mut self.servos) {
-            servo.go(joint, None);
-        }
+        self.servos.iter_mut().for_each(Servo::brake);
     }
 
     /// Holds a pose, alive.
     fn sway(&mut self, idle: IdlePose) {
         for (joint, servo) in self.map.joints().iter().zip(&mut self.servos) {
-            servo.go(joint, Some(servo.from.saturating_add(idle.offset(&joint.idle))));
+            servo.go(servo.from.saturating_add(idle.offset(&joint.idle)));
         }
     }
 
-    /// Plans the way to a pose: as long as the joint with the longest way needs, at least as long as the map says.
-    fn begin_easing(&mut self, state: State, to: impl Fn(&Stage<'m, L, N>, usize, &Joint) -> Option<i32>) {
-        let Self { map, stage, servos, .. } = self;
+    /// Plans the way to the wanted pose: as long as the joint with the longest way needs, at least as long as the map says.
+    fn begin_easing(&mut self, state: State) {
+        let Self { map, servos, wanted, .. } = self;
         let settings = map.settings();
         let mut ticks = settings.ticks(settings.ease_millis).max(1);
-        for (index, (joint, servo)) in map.joints().iter().zip(servos).enumerate() {
+        for (joint, (servo, to)) in map.joints().iter().zip(servos.iter_mut().zip(wanted)) {
             servo.from = servo.limiter.position();
-            let to = to(stage, index, joint).unwrap_or(servo.from);
             let way = u64::from(to.abs_diff(servo.from));
             // The path's highest velocity is 15/8 of its mean, its highest acceleration 5.78 of the way over time squared.
-            let velocity =
-                u64::from(eased(&joint.limits(), settings.ease_velocity).max_velocity.unsigned_abs());
-            let by_velocity = (way * 15).div_ceil(velocity * 8);
+            let share = u64::from(joint.max_velocity.unsigned_abs()) * u64::from(settings.ease_velocity);
+            let by_velocity = (way * 15).div_ceil((share / 256).max(1) * 8);
             let by_acceleration = (way * 6 / u64::from(joint.max_acceleration.unsigned_abs())).isqrt() + 1;
             let needed = by_velocity.max(by_acceleration);
             ticks = ticks.max(u32::try_from(needed).unwrap_or(u32::MAX));
@@ -541,33 +571,19 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         self.state = state;
     }
 
-    /// A tick on the way to a pose; true where it is reached.
-    fn ease(&mut self, to: impl Fn(&Stage<'m, L, N>, usize, &Joint) -> Option<i32>) -> bool {
-        let Self { map, stage, servos, .. } = self;
+    /// A tick on the way to the wanted pose; true where it is reached.
+    fn ease(&mut self) -> bool {
         self.eased += 1;
         let last = self.eased >= self.ease_ticks;
         let path = (!last).then(|| least_jerk(Fraction::of(self.eased, self.ease_ticks)));
         let mut there = true;
-        for (index, (joint, servo)) in map.joints().iter().zip(servos).enumerate() {
-            let to = to(stage, index, joint).unwrap_or(servo.from);
-            let wanted = path.map_or(to, |path| lerp(servo.from, to, path));
-            servo.go(joint, Some(wanted));
-            let reachable = clamp(to, joint.min << FINE_BITS, joint.max << FINE_BITS);
+        for (servo, &to) in self.servos.iter_mut().zip(&self.wanted) {
+            servo.go(path.map_or(to, |path| lerp(servo.from, to, path)));
+            let reachable = clamp(to, servo.limits.min(), servo.limits.max());
             there &= !servo.armed || servo.limiter.position() == reachable;
         }
         last && there
     }
-}
-
-/// Where a joint is at rest, as [`Stage::goal`] says it of clips.
-fn home<L: Library, const N: usize>(_: &Stage<'_, L, N>, _: usize, joint: &Joint) -> Option<i32> {
-    Some(joint.home << FINE_BITS)
-}
-
-/// The limits on the way to a pose.
-const fn eased(limits: &Limits, share: u16) -> Limits {
-    let velocity = (limits.max_velocity as i64 * share as i64 / 256) as i32;
-    Limits { max_velocity: if velocity < 1 { 1 } else { velocity }, ..*limits }
 }
 
 /// A position as a servo reports it, brought to what a goal can be.

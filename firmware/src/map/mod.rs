@@ -7,7 +7,7 @@
 
 use crate::clock::MAX_TICK_HZ;
 use crate::dynamixel::MAX_ID;
-use crate::limits::{FINE_BITS, Limits, MAX_VELOCITY};
+use crate::limits::{FINE_BITS, Limits, MAX_VELOCITY, clamp};
 use core::ops::Range;
 use decoder_core::I16F16;
 use heapless::Vec;
@@ -73,28 +73,45 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// The goal for a channel value, before limits, in 1/1024 goal units: `zero + value · scale`, rounded down; beyond ±2
-    /// [`GOAL_LIMIT`] it saturates.
+    /// The goal for a channel value, before limits, in 1/1024 goal units: `zero + value · scale`, rounded down; it saturates
+    /// at ±2³⁰, just beyond [`GOAL_LIMIT`].
     ///
     /// Four 32-bit multiplies.
     #[inline]
     pub const fn goal(&self, value: I16F16) -> i32 {
-        (self.zero << FINE_BITS).saturating_add(scaled(value.to_bits(), self.scale.to_bits()))
+        const MOST: i32 = (GOAL_LIMIT + 1) << FINE_BITS;
+        let goal = (self.zero << FINE_BITS).saturating_add(scaled(value.to_bits(), self.scale.to_bits()));
+        clamp(goal, -MOST, MOST)
     }
 
-    /// Range, velocity and acceleration of the servo.
+    /// Range, velocity and acceleration of the servo. A 64-bit divide: not for every tick.
     pub const fn limits(&self) -> Limits {
-        Limits {
-            min: self.min,
-            max: self.max,
-            max_velocity: self.max_velocity,
-            max_acceleration: self.max_acceleration,
-        }
+        Limits::new(self.min, self.max, self.max_velocity, self.max_acceleration)
     }
 }
 
-/// `⌊value · scale / 2²²⌋`, brought within ±2³⁰, in products of 16-bit halves.
+/// `⌊value · scale / 2²²⌋`, brought within ±2³⁰.
 const fn scaled(value: i32, scale: i32) -> i32 {
+    // Cores with atomics multiply to 64 bits in one instruction; those without (ARMv6-M) call a function for it.
+    if cfg!(target_has_atomic = "32") { scaled_long(value, scale) } else { scaled_in_halves(value, scale) }
+}
+
+/// Product from which [`scaled`] saturates, in its high word.
+const MOST_SCALED: i32 = 1 << 20;
+
+const fn scaled_long(value: i32, scale: i32) -> i32 {
+    let product = value as i64 * scale as i64;
+    let high = (product >> 32) as i32;
+    if high >= MOST_SCALED {
+        MOST_SCALED << FINE_BITS
+    } else if high < -MOST_SCALED {
+        -MOST_SCALED << FINE_BITS
+    } else {
+        (product >> (32 - FINE_BITS)) as i32
+    }
+}
+
+const fn scaled_in_halves(value: i32, scale: i32) -> i32 {
     let (value_high, value_low) = (value >> 16, value & 0xffff);
     let (scale_high, scale_low) = (scale >> 16, scale & 0xffff);
     let low = ((value_low as u32 * scale_low as u32) >> 16) as i32;
@@ -102,11 +119,10 @@ const fn scaled(value: i32, scale: i32) -> i32 {
     // In 1/65536 goal units; at most 3 · 65535.
     let below = (middle[0] & 0xffff) + (middle[1] & 0xffff) + low;
     let whole = value_high * scale_high + (middle[0] >> 16) + (middle[1] >> 16) + (below >> 16);
-    const MOST: i32 = 1 << 20;
-    if whole >= MOST {
-        MOST << FINE_BITS
-    } else if whole < -MOST {
-        -MOST << FINE_BITS
+    if whole >= MOST_SCALED {
+        MOST_SCALED << FINE_BITS
+    } else if whole < -MOST_SCALED {
+        -MOST_SCALED << FINE_BITS
     } else {
         whole << FINE_BITS | (below & 0xffff) >> (16 - FINE_BITS)
     }
@@ -515,11 +531,16 @@ mod tests {
         let values = [i32::MIN, i32::MIN + 1, -65_536, -1, 0, 1, 65_535, 65_536, i32::MAX];
         for value in values {
             for scale in values {
-                assert_eq!(i128::from(scaled(value, scale)), slow(value, scale), "{value} · {scale}");
+                assert_eq!(i128::from(scaled_long(value, scale)), slow(value, scale), "{value} · {scale}");
+                assert_eq!(
+                    i128::from(scaled_in_halves(value, scale)),
+                    slow(value, scale),
+                    "{value} · {scale}"
+                );
                 for zero in [-GOAL_LIMIT, GOAL_LIMIT] {
                     let joint = Joint { zero, scale: I16F16::from_bits(scale), ..ELBOW };
                     let expected = i128::from(zero << 10) + slow(value, scale);
-                    let expected = expected.clamp(i32::MIN.into(), i32::MAX.into());
+                    let expected = expected.clamp(-(1 << 30), 1 << 30);
                     assert_eq!(i128::from(joint.goal(I16F16::from_bits(value))), expected);
                 }
             }
@@ -529,7 +550,8 @@ mod tests {
     proptest! {
         #[test]
         fn scaling_equals_the_wide_reference(value: i32, scale: i32) {
-            prop_assert_eq!(i128::from(scaled(value, scale)), slow(value, scale));
+            prop_assert_eq!(i128::from(scaled_long(value, scale)), slow(value, scale));
+            prop_assert_eq!(i128::from(scaled_in_halves(value, scale)), slow(value, scale));
         }
 
         #[test]

@@ -6,17 +6,18 @@ use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::play::{self, Recording, seconds};
 use host_sim::ports;
-use host_sim::puppet::Puppet;
-use host_sim::thumb::Usage;
+use host_sim::puppet::{Map, Puppet};
+use host_sim::rp2040js;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Play a clip on the servos of a puppet, virtual or real, and log every goal position that they are told.
 ///
-/// On the host, the firmware's player runs in this program; on qemu and sim, it runs on a Cortex-M4 board, whose image is
-/// built for the clip and the puppet. All three logs are the same. sim counts cycles, so it says how long the core was awake.
-/// On a port the same player drives real servos in real time; Ctrl-C stops it smoothly and brings the puppet home.
+/// On the host, the firmware's player runs in this program; on qemu and sim, it runs on a Cortex-M4 board, and on rp2040 on a
+/// Raspberry Pi Pico, whose image is built for the clip and the puppet. All logs are the same. sim and rp2040 count cycles, so they
+/// say how long the core was awake. On a port the same player drives real servos in real time; Ctrl-C stops it smoothly and brings
+/// the puppet home.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on qemu --log walk.csv\n  \
@@ -28,9 +29,10 @@ pub struct Args {
     /// The puppet: which servo follows which channel.
     #[arg(long, value_name = "PUPPET.toml")]
     puppet: PathBuf,
-    /// Where the player runs: host, qemu (its mps2-an386, a Cortex-M4) or sim (the simulated Cortex-M4, which counts
-    /// cycles), or the serial port of real servos (NAME=PORT,NAME=PORT for a puppet with several buses).
-    #[arg(long, value_name = "host|qemu|sim|PORT", default_value = "host")]
+    /// Where the player runs: host (this program), qemu (its mps2-an386, a Cortex-M4), sim (the simulated Cortex-M4, which
+    /// counts cycles), rp2040 (a Raspberry Pi Pico in the emulator rp2040js, which counts them too), or the serial port of
+    /// real servos (NAME=PORT,NAME=PORT for a puppet with several buses).
+    #[arg(long, value_name = "host|qemu|sim|rp2040|PORT", default_value = "host")]
     on: On,
     /// The skeleton whose channels the clip has (.asf, .bvh), instead of the one that the puppet names.
     #[arg(long, value_name = "S.asf")]
@@ -52,6 +54,7 @@ enum On {
     Host,
     Qemu,
     Sim,
+    Rp2040,
     Port(String),
 }
 
@@ -61,6 +64,7 @@ impl From<&str> for On {
             "host" => Self::Host,
             "qemu" => Self::Qemu,
             "sim" => Self::Sim,
+            "rp2040" => Self::Rp2040,
             port => Self::Port(port.to_owned()),
         }
     }
@@ -70,27 +74,29 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let bytes = files::read(&args.clip)?;
     let name = args.clip.display();
     let clip = Clip::parse(&args.clip, &bytes)?;
-    let centihertz = args.fps.map_or(Ok(0), centihertz)?;
-    if centihertz == 0 && clip.rate_centihertz() == 0 {
-        bail!("{name} does not say its frame rate: give one with --fps");
-    }
-    let puppet = Puppet::read(&args.puppet)?;
-    let skeleton = super::puppet::skeleton(&puppet, &args.puppet, args.skeleton)?;
-    let (found, expected) = (clip.channels(), skeleton.channels.len());
-    if found != expected {
-        bail!("{name} has {found} channels, expected {expected} as in the skeleton");
-    }
-    let map = puppet.map(&skeleton)?;
+    let centihertz = rate(&args.clip, &clip, args.fps)?;
+    let map = map(&args.clip, &clip, &args.puppet, args.skeleton)?;
 
     let log = &mut |line: &str| eprintln!("{line}");
     let mut live = None;
     let played = match &args.on {
         On::Host => play::on_host(&clip, &map, centihertz).map(|recording| (recording, None)),
         On::Qemu => play::on_qemu(&clip, &bytes, &map, centihertz, log).map(|recording| (recording, None)),
-        On::Sim => play::on_sim(&clip, &bytes, &map, centihertz, log)
-            .map(|(recording, usage)| (recording, Some(usage))),
+        On::Sim => play::on_sim(&clip, &bytes, &map, centihertz, log).map(|(recording, usage)| {
+            (recording, Some(Spent::of(usage.cycles, usage.asleep, board::QEMU_CLOCK_HZ)))
+        }),
+        On::Rp2040 => play::on_rp2040(&clip, &bytes, &map, centihertz, log).map(|(recording, figures)| {
+            eprintln!(
+                "the bus changed its direction at most {:.1} µs after a packet",
+                figures.turnaround_nanos as f64 / 1e3
+            );
+            let cycles = (u128::from(figures.nanos) * u128::from(rp2040js::CLOCK_HZ) / 1_000_000_000) as u64;
+            let asleep = cycles.saturating_sub(figures.cycles);
+            (recording, Some(Spent::of(cycles, asleep, rp2040js::CLOCK_HZ)))
+        }),
         On::Port(port) => {
-            let buses = ports::open(&map, &ports::paths(port, &puppet.bus_names())?)?;
+            let names = Puppet::read(&args.puppet)?.bus_names();
+            let buses = ports::open(&map, &ports::paths(port, &names)?)?;
             let asked = asked_to_end()?;
             let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
             clip.decode(|frames| ports::play(frames, &map, rate, buses, asked, log)).map(|played| {
@@ -100,7 +106,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
             })
         }
     };
-    let (recording, usage) = played.with_context(|| format!("cannot play {name}"))?;
+    let (recording, spent) = played.with_context(|| format!("cannot play {name}"))?;
     if let Some(log) = &args.log {
         write_log(log, &recording)?;
     }
@@ -110,8 +116,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let report = serde_json::json!({
             "on": args.on, "ticks": recording.ticks, "servos": servos, "servo_hz": map.tick_hz(),
             "seconds": duration as f64 / 1e6, "goals": recording.goals.len(), "log": args.log,
-            "cycles": usage.map(|usage| usage.cycles), "cycles_asleep": usage.map(|usage| usage.asleep),
-            "awake": usage.map(awake),
+            "cycles": spent.map(|spent| spent.cycles), "cycles_asleep": spent.map(|spent| spent.asleep),
+            "awake": spent.map(|spent| spent.awake),
             "late_ticks": live.as_ref().map(|live| live.late),
             "longest_bus_ms": live.as_ref().map(|live| live.longest.as_secs_f64() * 1e3),
             "state": live.as_ref().map(|live| format!("{:?}", live.state)),
@@ -132,14 +138,14 @@ pub fn run(args: Args) -> Result<ExitCode> {
                 live.state
             );
         }
-        if let Some(usage) = usage {
+        if let Some(spent) = spent {
             println!(
                 "  {} cycles at {} MHz, of which {} awake: {:.3} %, {:.0} cycles a tick",
-                usage.cycles,
-                board::CLOCK_HZ / 1_000_000,
-                usage.cycles - usage.asleep,
-                100.0 * awake(usage),
-                (usage.cycles - usage.asleep) as f64 / f64::from(recording.ticks.max(1)),
+                spent.cycles,
+                spent.clock_hz / 1_000_000,
+                spent.cycles - spent.asleep,
+                100.0 * spent.awake,
+                (spent.cycles - spent.asleep) as f64 / f64::from(recording.ticks.max(1)),
             );
         }
     }
@@ -156,9 +162,40 @@ fn asked_to_end() -> Result<&'static AtomicUsize> {
     Ok(&ASKED)
 }
 
-/// The part of its cycles that a core was not asleep.
-fn awake(usage: Usage) -> f64 {
-    1.0 - usage.asleep as f64 / usage.cycles as f64
+/// How a core's cycles were spent.
+#[derive(Clone, Copy)]
+struct Spent {
+    cycles: u64,
+    asleep: u64,
+    clock_hz: u32,
+    /// The part in which it was not asleep.
+    awake: f64,
+}
+
+impl Spent {
+    fn of(cycles: u64, asleep: u64, clock_hz: u32) -> Self {
+        Self { cycles, asleep, clock_hz, awake: 1.0 - asleep as f64 / cycles as f64 }
+    }
+}
+
+/// The rate to play at in hundredths of a hertz, or 0 for the clip's own.
+pub fn rate(path: &Path, clip: &Clip<'_>, fps: Option<f64>) -> Result<u16> {
+    let centihertz = fps.map_or(Ok(0), centihertz)?;
+    if centihertz == 0 && clip.rate_centihertz() == 0 {
+        bail!("{} does not say its frame rate: give one with --fps", path.display());
+    }
+    Ok(centihertz)
+}
+
+/// The joint map of a puppet for the clip at `path`.
+pub fn map(path: &Path, clip: &Clip<'_>, puppet: &Path, skeleton: Option<PathBuf>) -> Result<Map> {
+    let file = Puppet::read(puppet)?;
+    let skeleton = super::puppet::skeleton(&file, puppet, skeleton)?;
+    let (found, expected) = (clip.channels(), skeleton.channels.len());
+    if found != expected {
+        bail!("{} has {found} channels, expected {expected} as in the skeleton", path.display());
+    }
+    file.map(&skeleton)
 }
 
 fn centihertz(fps: f64) -> Result<u16> {

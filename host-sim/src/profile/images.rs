@@ -57,6 +57,26 @@ pub fn tick_images(clip: &[u8], map: &[u8], targets: &[&str], lent: bool) -> Res
     Image { binary: "tick", features: "tick", targets, files, variables: &[table(lent)], ..DECODE }.build()
 }
 
+/// Builds the image of a wearable that plays `clip` on the outputs of a joint map, given as its bytes, for one of Rust's
+/// targets. Its outputs change `output_hz` times a second of a clock of `clock_hz`.
+///
+/// # Errors
+/// As [`Image::build`].
+pub fn wearable_image(
+    clip: &[u8],
+    map: &[u8],
+    target: &str,
+    output_hz: u16,
+    clock_hz: u32,
+) -> Result<Vec<u8>> {
+    let files = &[file(clip), ("BUNRAKU_MAP", "map.postcard", map)];
+    let (output_hz, clock_hz) = (output_hz.to_string(), clock_hz.to_string());
+    let variables = &[table(true), ("BUNRAKU_OUTPUT_HZ", &*output_hz), ("BUNRAKU_CLOCK_HZ", &*clock_hz)];
+    let features = "wearable";
+    let image = Image { binary: "wearable", features, targets: &[target], files, variables, ..DECODE };
+    Ok(image.build()?.concat())
+}
+
 /// The clip as the build script takes it.
 fn file(clip: &[u8]) -> (&str, &str, &[u8]) {
     if is_mclip(clip) { ("BUNRAKU_MCLIP", "clip.mclip", clip) } else { ("BUNRAKU_CLIP", "clip.qmd", clip) }

@@ -6,9 +6,9 @@ use anyhow::{Context, Result, anyhow, bail};
 use std::time::{Duration, Instant};
 
 /// Cycles that one call of the image may take: more than any clip's table takes to convert.
-const LIMIT: u64 = 2_000_000_000;
+pub(super) const LIMIT: u64 = 2_000_000_000;
 
-/// Where an image's memory begins: the workspace's memory.x.
+/// Where an image's memory begins: the memory.x of the board qemu-mps2.
 const FLASH: u32 = 0;
 const RAM: u32 = 0x2000_0000;
 /// Bytes of each. More than a microcontroller has, so that any clip can be tried.
@@ -132,8 +132,8 @@ impl Runner {
     }
 }
 
-/// Memory like that of workspace's memory.x.
-fn board(wait_states: u32) -> Board {
+/// Memory like that of the board qemu-mps2.
+pub(super) fn board(wait_states: u32) -> Board {
     let mut flash = Region::new("flash", FLASH, BYTES, false);
     flash.waits.states = wait_states;
     Board { name: "profile", regions: vec![flash, Region::new("RAM", RAM, BYTES, true)], ..Board::bare() }

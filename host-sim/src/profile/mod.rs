@@ -15,8 +15,9 @@ pub mod measure;
 pub mod parts;
 pub mod report;
 pub(crate) mod svg;
+pub mod wearable;
 
 pub use expect::{frames, ticks};
-pub use images::{images, mclip_images, prefix_images, tick_images};
+pub use images::{images, mclip_images, prefix_images, tick_images, wearable_image};
 pub use measure::Measured;
 pub use report::{CoreReport, Report};

@@ -61,10 +61,12 @@ pub fn rehearse(frames: &mut dyn Frames, map: &Map) -> Result<Vec<Demand>> {
     while !voice.seek(map).map_err(damaged)? {}
     let mut joints: Vec<Course> =
         map.joints().iter().map(|joint| Course::new(joint, map.tick_hz())).collect();
+    let mut wanted = vec![0; map.joints().len()];
     for tick in 0.. {
+        voice.pose(map.settings().interpolation, &mut wanted, |to, goal| *to = goal);
         let seconds = map.tick_micros(tick) as f64 / 1e6;
-        for (index, course) in joints.iter_mut().enumerate() {
-            course.tick(course.joint.goal(voice.value(index, map.settings().interpolation)), seconds);
+        for (course, wanted) in joints.iter_mut().zip(&wanted) {
+            course.tick(*wanted, seconds);
         }
         if voice.ended() {
             break;
@@ -101,7 +103,7 @@ impl<'m> Course<'m> {
         let Self { joint, hz, last, limiter, demand } = self;
         let limits = joint.limits();
         let unit = 1.0 / (f64::from(1 << FINE_BITS) * joint.scale.to_num::<f64>().abs());
-        let (min, max) = (limits.min << FINE_BITS, limits.max << FINE_BITS);
+        let (min, max) = (limits.min(), limits.max());
         let beyond = (min - wanted).max(wanted - max);
         if beyond > 0 {
             demand.beyond_range.see(f64::from(beyond) * unit, seconds);
@@ -111,11 +113,11 @@ impl<'m> Course<'m> {
         let velocity = last.map(|(before, _)| wanted - before);
         if let Some(velocity) = velocity {
             demand.speed.see(f64::from(velocity.abs()) * unit * *hz, seconds);
-            demand.too_fast += u32::from(velocity.abs() > limits.max_velocity);
+            demand.too_fast += u32::from(velocity.abs() > joint.max_velocity);
             if let Some((_, Some(before))) = *last {
                 let change = (velocity - before).abs();
                 demand.acceleration.see(f64::from(change) * unit * *hz * *hz, seconds);
-                demand.too_sudden += u32::from(change > limits.max_acceleration);
+                demand.too_sudden += u32::from(change > joint.max_acceleration);
             }
         }
         *last = Some((wanted, velocity));

@@ -28,6 +28,7 @@
 
 mod file;
 mod html;
+mod image;
 mod plot;
 mod run;
 mod summary;

@@ -1,6 +1,7 @@
 //! Runs a show to its end.
 
 use super::file::Program;
+use super::image;
 use crate::board;
 use crate::files;
 use crate::play::{Recorder, Recording, on_the_spot};
@@ -175,15 +176,15 @@ impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_> {
 /// # Errors
 /// As [`on_host`], and where the image cannot be built, does what the simulator does not know, or does not end.
 pub fn on_sim(program: &Program, log: &mut dyn FnMut(&str)) -> Result<Ran> {
-    let elf = board::build_show(program, SLACK_US)?;
+    let elf = image::build(program, SLACK_US)?;
     let mut lines = Log::new(&elf)?;
-    let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
-    let mut machine = Machine::new(Core::M4, &Board::mps2(), &image).map_err(|error| anyhow!(error))?;
+    let parsed = Image::parse(&elf).map_err(|error| anyhow!(error))?;
+    let mut machine = Machine::new(Core::M4, &Board::mps2(), &parsed).map_err(|error| anyhow!(error))?;
     let mut recorder = recorder(program)?;
     let mut notes = Vec::new();
     let mut meter = Meter::new(&program.map);
     let limit =
-        u64::from(most_ticks(program)?) * u64::from(board::CLOCK_HZ) / u64::from(program.map.tick_hz());
+        u64::from(most_ticks(program)?) * u64::from(board::QEMU_CLOCK_HZ) / u64::from(program.map.tick_hz());
     loop {
         let stop = machine.run(meter.answered_at().unwrap_or(limit)).map_err(|fault| anyhow!("{fault}"))?;
         let usage = machine.usage();
@@ -216,17 +217,17 @@ pub fn on_sim(program: &Program, log: &mut dyn FnMut(&str)) -> Result<Ran> {
 /// # Errors
 /// As [`on_sim`].
 pub fn on_qemu(program: &Program, log: &mut dyn FnMut(&str)) -> Result<Ran> {
-    let elf = board::build_show(program, QEMU_SLACK_US)?;
+    let elf = image::build(program, QEMU_SLACK_US)?;
     let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
     let path = folder.path().join("bunraku-show");
     files::write(&path, |file| Ok(file.write_all(&elf)?))?;
     let mut recorder = recorder(program)?;
     let mut notes = Vec::new();
-    let image = qemu::Image { path: &path, machine: board::MACHINE, arguments: &[] };
+    let to_run = qemu::Image { path: &path, machine: board::QEMU_MACHINE, arguments: &[] };
     let limit =
         Duration::from_secs(120 + 10 * u64::from(most_ticks(program)? / u32::from(program.map.tick_hz())));
     let mut device = |bytes: &[u8]| recorder.receive(bytes);
-    qemu::run(&image, Some(&mut device), limit, &mut |line| read(line, &mut notes, log))?;
+    qemu::run(&to_run, Some(&mut device), limit, &mut |line| read(line, &mut notes, log))?;
     Ok(Ran { recording: recorder.finish()?, notes, costs: Vec::new() })
 }
 
@@ -275,7 +276,7 @@ struct Moment {
 impl Meter {
     fn new(map: &Map) -> Self {
         let baud = map.buses().first().map_or(1, |bus| bus.baud.max(1));
-        let byte_cycles = u64::from(board::CLOCK_HZ / baud) * 10;
+        let byte_cycles = u64::from(board::QEMU_CLOCK_HZ / baud) * 10;
         let none = Moment::default();
         Self {
             byte_cycles,
@@ -303,7 +304,7 @@ impl Meter {
             return;
         }
         if let Some((start, last)) = self.tick.replace((self.packet, now)) {
-            let micros = |cycles: u64| cycles as f64 * 1e6 / f64::from(board::CLOCK_HZ);
+            let micros = |cycles: u64| cycles as f64 * 1e6 / f64::from(board::QEMU_CLOCK_HZ);
             let left = self.packet.cycle.saturating_sub(last.cycle);
             self.costs.push(Cost {
                 awake: now.awake - self.goals.awake,

@@ -101,7 +101,7 @@ impl Image {
     ///
     /// # Errors
     /// A sentence where there is no memory for a part of it.
-    pub(super) fn load(&self, memory: &mut Memory) -> Result<(), String> {
+    pub fn load(&self, memory: &mut Memory) -> Result<(), String> {
         for (address, data) in &self.segments {
             if !memory.load(*address, data) {
                 return Err(format!(

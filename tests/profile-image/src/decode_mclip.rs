@@ -12,6 +12,7 @@ use decoder_core::{Error, I16F16, Limits};
 use ends::{failed, finished};
 
 include!(concat!(env!("OUT_DIR"), "/mclip_sizes.rs"));
+include!(concat!(env!("OUT_DIR"), "/verify.rs"));
 
 static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip.mclip"));
 

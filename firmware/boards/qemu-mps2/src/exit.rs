@@ -10,7 +10,8 @@ pub fn success() -> ! {
     process::exit(0)
 }
 
-fn failure() -> ! {
+/// Ends the simulation: what failed has been logged.
+pub fn failure() -> ! {
     process::exit(1)
 }
 

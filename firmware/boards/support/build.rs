@@ -1,17 +1,14 @@
-//! Puts the clip and the joint map into the image, and names the linker scripts.
+//! Puts the clip and the joint map into the image.
 //!
 //! - `BUNRAKU_CLIP`: path of a .qmd or .mclip, absolute or from this folder
-//! - `BUNRAKU_MAP`: path of a joint map as postcard bytes (`bunraku play --on qemu` makes it from a puppet.toml)
+//! - `BUNRAKU_MAP`: path of a joint map as postcard bytes (`bunraku image` makes it from a puppet.toml)
 //! - `BUNRAKU_CENTIHERTZ`: the rate to play at instead of the clip's own, in hundredths of a hertz
 //!
 //! Without the first two the image plays the embedded sample on puppets/sample.toml.
 
-use decoder_core::{Limits, mclip};
+use decoder_core::{Limits, mclip, qmd};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
-
-/// The top of the workspace.
-const WORKSPACE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../..");
 
 fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
@@ -21,32 +18,39 @@ fn main() {
         _ => panic!("set both BUNRAKU_CLIP and BUNRAKU_MAP, or neither"),
     };
     println!("cargo:rustc-check-cfg=cfg(mclip)");
-    let mut sizes = String::new();
-    if clip.starts_with(&mclip::MAGIC) {
+    let sizes = if clip.starts_with(&mclip::MAGIC) {
         println!("cargo:rustc-cfg=mclip");
-        sizes = self::sizes(&clip);
-    }
+        mclip_sizes(&clip)
+    } else {
+        qmd_sizes(&clip)
+    };
     for (name, bytes) in [("clip", clip), ("map.postcard", map), ("sizes.rs", sizes.into_bytes())] {
         fs::write(out.join(name), bytes).unwrap_or_else(|error| panic!("cannot write {name}: {error}"));
     }
     println!("cargo:rerun-if-env-changed=BUNRAKU_CENTIHERTZ");
     let centihertz = env::var("BUNRAKU_CENTIHERTZ").unwrap_or_else(|_| "0".to_owned());
     println!("cargo:rustc-env=BUNRAKU_CENTIHERTZ={centihertz}");
-
-    // The map of this board's memory, memory.x, is at the top of the workspace.
-    println!("cargo:rustc-link-search={WORKSPACE}");
-    for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
-        println!("cargo:rustc-link-arg-bins={argument}");
-    }
 }
 
 /// How much memory the decoder of a .mclip needs.
-fn sizes(clip: &[u8]) -> String {
+fn mclip_sizes(clip: &[u8]) -> String {
     let clip = mclip::Clip::parse(clip, Limits::MAX).unwrap_or_else(|error| panic!("BUNRAKU_CLIP: {error}"));
     let needs = clip.header().needs();
-    [("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)]
-        .map(|(name, size)| format!("/// Elements that the decoder needs.\nconst {name}: usize = {size};\n"))
-        .concat()
+    sizes(&[("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)])
+}
+
+/// How much memory the decoder of a .qmd is lent: none for a table longer than 256 values, which is read in place.
+fn qmd_sizes(clip: &[u8]) -> String {
+    let clip = qmd::Clip::parse(clip, Limits::MAX).unwrap_or_else(|error| panic!("BUNRAKU_CLIP: {error}"));
+    let table = if clip.table_len() <= 256 { clip.table_len() } else { 0 };
+    sizes(&[("CHANNELS", clip.channels()), ("TABLE", table)])
+}
+
+fn sizes(sizes: &[(&str, usize)]) -> String {
+    let lines = sizes
+        .iter()
+        .map(|(name, size)| format!("/// Elements that the decoder needs.\nconst {name}: usize = {size};\n"));
+    lines.collect()
 }
 
 fn path(variable: &str) -> Option<PathBuf> {
@@ -67,7 +71,7 @@ fn sample() -> (Vec<u8>, Vec<u8>) {
 
     let clip = encoder::sample::clip();
     let bytes = encode(&clip, Parameters::TABLE_1, Method::ClosedLoop).expect("the sample fits the format");
-    let puppet = Path::new(WORKSPACE).join("puppets/sample.toml");
+    let puppet = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../puppets/sample.toml");
     println!("cargo:rerun-if-changed={}", puppet.display());
     let map = Puppet::read(&puppet).and_then(|puppet| puppet.map_bytes(&clip.skeleton));
     (bytes, map.unwrap_or_else(|error| panic!("{error:#}")))

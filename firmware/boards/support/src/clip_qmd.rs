@@ -3,11 +3,7 @@
 use decoder_core::qmd::{Clip, Decoder};
 use decoder_core::{Error, I16F16, Limits};
 
-/// Most channels of a clip.
-const CHANNELS: usize = 256;
-
-/// Longest look-up table that is converted in advance (index bits 8); a longer one is read in place.
-const TABLE: usize = 256;
+include!(concat!(env!("OUT_DIR"), "/sizes.rs"));
 
 static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip"));
 
@@ -29,8 +25,8 @@ pub struct Opened<'s> {
 }
 
 pub fn open(memory: &mut Memory) -> Result<Opened<'_>, Error> {
-    let clip = Clip::parse(CLIP, Limits { channels: CHANNELS as u16, frames: u32::MAX })?;
-    let table = (clip.table_len() <= TABLE).then_some(&mut memory.table[..]);
+    let clip = Clip::parse(CLIP, Limits::MAX)?;
+    let table = (TABLE > 0).then_some(&mut memory.table[..]);
     let decoder = clip.decoder(&mut memory.pose, table)?;
     Ok(Opened { decoder, frames: clip.frames(), rate_centihertz: clip.rate_centihertz() })
 }

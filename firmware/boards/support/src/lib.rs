@@ -1,0 +1,20 @@
+//! What all boards share: the linked-in clip and map, the show that plays them, and what happens after a panic.
+//!
+//! A board's `main` brings a UART, a direction pin, a trigger pin, a watchdog and the reason of its start ([`Wiring`]), and
+//! [`Puppet::play`] does the rest. Clip and map are chosen when the image is built: see build.rs.
+#![no_std]
+
+#[cfg(feature = "rtt")]
+mod buffers;
+#[cfg_attr(mclip, path = "clip_mclip.rs")]
+#[cfg_attr(not(mclip), path = "clip_qmd.rs")]
+mod clip;
+#[cfg(feature = "rtt")]
+mod halt;
+mod idle_line;
+mod show;
+
+#[cfg(feature = "rtt")]
+pub use buffers::buffers;
+pub use idle_line::{Busy, IdleLine};
+pub use show::{Button, Puppet, Wiring};

@@ -1,0 +1,323 @@
+// Runs an image for the Raspberry Pi Pico on rp2040js, with the servo bus on UART 0.
+//
+// Usage: node rp2040js.mjs RP2040JS FLASH RTT SECONDS
+//   RP2040JS  folder of the npm package
+//   FLASH     file with the bytes from address 0x10000000 on
+//   RTT       address of the control block of SEGGER's RTT, by which the image logs
+//   SECONDS   simulated time after which this gives up
+//
+// Standard output has messages: a kind (1 byte), a length (4 bytes, little-endian), that many bytes.
+//   0  the image has sent these on the bus. Standard input then brings the answer: a length (4 bytes), that many bytes;
+//      the length 0xffffffff ends the simulation
+//   1  the image has logged these
+//   2  the last one: figures, as JSON
+//
+// What rp2040js 1.4.1 does not have, and what is done about it:
+// - The boot ROM is not run, and neither is the second stage boot loader: the core starts at the image's vectors.
+// - Its UART sends in no time, raises its transmit interrupt for ever and has neither a FIFO to send nor a receive timeout, so
+//   that embassy's driver never leaves the interrupt. The one below is written from the RP2040 datasheet, section 4.2.
+// - All clocks are there at once, and the core runs at 125 MHz from the start.
+// - Voltage regulator and ring oscillator are registers that read as ones.
+// - An input that nothing drives is low, whatever pulls it up.
+// - SEV does nothing. Here it wakes WFE, as on the chip. Time asleep is skipped.
+import { readFileSync, readSync, writeSync } from "node:fs";
+import { join } from "node:path";
+import { pathToFileURL } from "node:url";
+
+const [folder, flash, rtt, seconds] = process.argv.slice(2);
+const index = pathToFileURL(join(folder, "dist/esm/index.js"));
+const { BasePeripheral, GPIOPinState, RP2040 } = await import(index);
+
+const VECTORS = 0x10000100;
+const CYCLE_NANOS = 8;
+const UART0 = 0x40034;
+const UART0_INTERRUPT = 20;
+const DIRECTION_PIN = 2;
+const TRIGGER_PIN = 3;
+// What a servo with a return delay of 0 needs to answer. Until then the bus must have changed its direction.
+const ANSWER_NANOS = 10_000;
+
+const LOG = 1;
+const FIGURES = 2;
+const SENT = 0;
+const END = 0xffffffff;
+
+function put(kind, bytes) {
+  const message = Buffer.alloc(5 + bytes.length);
+  message[0] = kind;
+  message.writeUInt32LE(bytes.length, 1);
+  message.set(bytes, 5);
+  for (let at = 0; at < message.length; ) {
+    at += writeSync(1, message, at);
+  }
+}
+
+function take(length) {
+  const bytes = Buffer.alloc(length);
+  for (let at = 0; at < length; ) {
+    const count = readSync(0, bytes, at, length - at, null);
+    if (count === 0) {
+      throw new Error("standard input has ended");
+    }
+    at += count;
+  }
+  return bytes;
+}
+
+const chip = new RP2040();
+const { clock, core } = chip;
+chip.logger = {
+  debug() {},
+  // All that rp2040js does with SEV is to log it.
+  info(_, message) {
+    core.eventRegistered ||= message === "SEV";
+  },
+  // Registers that are not there.
+  warn() {},
+  error(name, message) {
+    throw new Error(`${name}: ${message}`);
+  },
+};
+
+// The half-duplex line to the servos.
+const line = {
+  packet: [],
+  last: 0,
+  turns: false,
+  slowest: 0,
+  sending() {
+    return chip.gpio[DIRECTION_PIN].value === GPIOPinState.High;
+  },
+  sent(byte) {
+    if (!this.sending()) {
+      throw new Error(`byte ${byte} was on the line while the direction pin, GPIO ${DIRECTION_PIN}, was not high`);
+    }
+    this.packet.push(byte);
+    this.last = clock.nanos;
+    this.turns = true;
+  },
+  // Nothing more is on its way.
+  idle() {
+    log();
+    put(SENT, this.packet);
+    this.packet = [];
+    const length = take(4).readUInt32LE(0);
+    if (length === END) {
+      running = false;
+    } else if (length > 0) {
+      uart.receive(take(length), ANSWER_NANOS);
+    }
+  },
+  turned() {
+    if (this.turns && !this.sending()) {
+      this.turns = false;
+      this.slowest = Math.max(this.slowest, clock.nanos - this.last);
+    }
+  },
+};
+chip.gpio[DIRECTION_PIN].addListener(() => line.turned());
+
+// Arm's PL011 as in the RP2040: FIFOs of 32 bytes, always on; 8 data bits, no parity, no errors but overrun.
+class Uart extends BasePeripheral {
+  static FIFO = 32;
+  static LEVELS = [4, 8, 16, 24, 28];
+  static RX = 1 << 4;
+  static TX = 1 << 5;
+  static TIMEOUT = 1 << 6;
+  static OVERRUN = 1 << 10;
+
+  registers = { 0x24: 0, 0x28: 0, 0x2c: 0, 0x30: 0x300, 0x34: 0x12, 0x38: 0, 0x48: 0 };
+  raised = 0;
+  // Bytes that wait to be sent, and the one on the line.
+  out = [];
+  shifting = null;
+  in = [];
+  // Bytes that the device sends, and whether the last one that came found no room.
+  coming = [];
+  overrun = false;
+
+  constructor(rp2040) {
+    super(rp2040, "UART0");
+    this.shifted = clock.createAlarm(() => this.shift());
+    this.arrived = clock.createAlarm(() => this.arrive());
+    this.silent = clock.createAlarm(() => this.raise(Uart.TIMEOUT));
+  }
+
+  // The divider is looked at whenever a byte goes or comes.
+  clkPeriChanged() {}
+
+  bits(count) {
+    const divider = this.registers[0x24] + this.registers[0x28] / 64;
+    return (count * 16 * divider * 1e9) / chip.clkPeri;
+  }
+
+  level(shift) {
+    return Uart.LEVELS[(this.registers[0x34] >> shift) & 7];
+  }
+
+  raise(bits) {
+    this.raised |= bits;
+    this.update();
+  }
+
+  update() {
+    chip.setInterrupt(UART0_INTERRUPT, (this.raised & this.registers[0x38]) !== 0);
+  }
+
+  // Takes the next byte to the line. The interrupt comes when the FIFO falls to its level.
+  next() {
+    this.shifting = this.out.shift();
+    this.shifted.schedule(this.bits(10));
+    if (this.out.length === this.level(0)) {
+      this.raise(Uart.TX);
+    }
+  }
+
+  shift() {
+    line.sent(this.shifting);
+    this.shifting = null;
+    if (this.out.length > 0) {
+      this.next();
+    } else {
+      line.idle();
+    }
+  }
+
+  receive(bytes, nanos) {
+    const waits = this.coming.length > 0;
+    this.coming.push(...bytes);
+    if (!waits) {
+      this.arrived.schedule(nanos + this.bits(10));
+    }
+  }
+
+  // A byte's stop bit.
+  arrive() {
+    if (line.sending()) {
+      throw new Error(`a servo answers while the direction pin, GPIO ${DIRECTION_PIN}, is high`);
+    }
+    const byte = this.coming.shift();
+    if (this.in.length < Uart.FIFO) {
+      this.in.push(byte | (this.overrun ? 1 << 11 : 0));
+      this.overrun = false;
+    } else {
+      this.overrun = true;
+      this.raise(Uart.OVERRUN);
+    }
+    if (this.in.length >= this.level(3)) {
+      this.raise(Uart.RX);
+    }
+    this.silent.schedule(this.bits(32));
+    if (this.coming.length > 0) {
+      this.arrived.schedule(this.bits(10));
+    }
+  }
+
+  flags() {
+    const [out, into] = [this.out.length, this.in.length];
+    const full = (into === Uart.FIFO ? 1 << 6 : 0) | (out === Uart.FIFO ? 1 << 5 : 0);
+    const empty = (out === 0 ? 1 << 7 : 0) | (into === 0 ? 1 << 4 : 0);
+    return full | empty | (out > 0 || this.shifting !== null ? 1 << 3 : 0);
+  }
+
+  readUint32(offset) {
+    switch (offset) {
+      case 0x00: {
+        const byte = this.in.shift() ?? 0;
+        if (this.in.length < this.level(3)) {
+          this.raised &= ~Uart.RX;
+        }
+        if (this.in.length === 0) {
+          this.raised &= ~Uart.TIMEOUT;
+          this.silent.cancel();
+        }
+        this.update();
+        return byte;
+      }
+      case 0x04:
+        return 0;
+      case 0x18:
+        return this.flags();
+      case 0x3c:
+        return this.raised;
+      case 0x40:
+        return this.raised & this.registers[0x38];
+      case 0x44:
+        return 0;
+    }
+    return this.registers[offset] ?? super.readUint32(offset);
+  }
+
+  writeUint32(offset, value) {
+    if (offset === 0x00) {
+      if (this.out.length < Uart.FIFO) {
+        this.out.push(value & 0xff);
+      }
+      if (this.shifting === null) {
+        this.next();
+      }
+    } else if (offset === 0x44) {
+      this.raised &= ~this.rawWriteValue;
+      this.update();
+    } else if (offset in this.registers) {
+      this.registers[offset] = value;
+      this.update();
+    } else if (offset !== 0x04) {
+      super.writeUint32(offset, value);
+    }
+  }
+}
+
+const uart = new Uart(chip);
+chip.uart[0] = uart;
+chip.peripherals[UART0] = uart;
+
+// Takes what is new out of RTT's first buffer (SEGGER UM08001, section 16.3).
+function log() {
+  const control = Number(rtt);
+  const [buffer, size, write, read] = [28, 32, 36, 40].map((offset) => chip.readUint32(control + offset));
+  if (write === read) {
+    return;
+  }
+  const bytes = [];
+  for (let at = read; at !== write; at = (at + 1) % size) {
+    bytes.push(chip.readUint8(buffer + at));
+  }
+  chip.writeUint32(control + 40, write);
+  put(LOG, bytes);
+}
+
+const WATCHDOG = 0x40058;
+chip.peripherals[WATCHDOG].onWatchdogTrigger = () => {
+  log();
+  throw new Error("the watchdog was not fed");
+};
+// Nobody presses the button.
+chip.gpio[TRIGGER_PIN].setInputValue(true);
+chip.flash.set(readFileSync(flash));
+core.VTOR = VECTORS;
+core.SP = chip.readUint32(VECTORS);
+core.PC = chip.readUint32(VECTORS + 4) & ~1;
+
+let running = true;
+let [cycles, instructions] = [0, 0];
+const end = Number(seconds) * 1e9;
+while (running) {
+  if (core.waiting) {
+    log();
+    if (clock.nextAlarm === null) {
+      throw new Error("the core sleeps, and nothing will wake it");
+    }
+    clock.tick(clock.nanosToNextAlarm);
+  } else {
+    const spent = core.executeInstruction();
+    cycles += spent;
+    instructions += 1;
+    clock.tick(spent * CYCLE_NANOS);
+  }
+  if (clock.nanos > end) {
+    throw new Error(`the image did not come to an end within ${seconds} simulated seconds`);
+  }
+}
+const figures = { cycles, instructions, nanos: Math.round(clock.nanos), turnaround_nanos: Math.round(line.slowest) };
+put(FIGURES, Buffer.from(JSON.stringify(figures)));
