@@ -5,6 +5,7 @@
 use bunraku_tests::{bunraku, motion, require_program, require_target, workspace};
 use encoder::mclip::{Encoder, Quality, Settings};
 use encoder::{Motion, sample};
+use host_sim::show::{self, Program, Summary};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -128,6 +129,136 @@ fn a_disturbed_show_comes_to_its_end_everywhere() {
     let here = run(&show, "host");
     check(&here.0, 3);
     on_boards(&show, &here, 5_000.0);
+}
+
+/// A show of one short clip on three servos; acknowledged, should there be a fault.
+fn write_short_show(folder: &Path) -> PathBuf {
+    let show = write_show(folder, "[[event]]\nat = 2.4\nwhat = 'acknowledge'\n");
+    let text = fs::read_to_string(&show).unwrap().replace("['one', 'two', 'one']", "['two']");
+    fs::write(&show, text).unwrap();
+    let puppet = fs::read_to_string(folder.join("sample.toml")).unwrap();
+    let three = puppet.splitn(5, "[[joint]]").take(4).collect::<Vec<_>>().join("[[joint]]");
+    fs::write(folder.join("sample.toml"), format!("ease_seconds = 0.3\nease_speed = 1.0\n{three}")).unwrap();
+    show
+}
+
+/// What gets through of a packet with a fault.
+fn struck(fault: usize, from_servo: bool, packet: &[u8]) -> Vec<u8> {
+    let mut changed = packet.to_vec();
+    let len = packet.len();
+    match fault {
+        0 => changed.clear(),
+        1 => changed.extend(packet),
+        2 => changed.truncate(len / 2),
+        3 => changed[len / 3] ^= 0x10,
+        4 => changed[len - 1] ^= 0x80,
+        5 => changed[4] = 77,
+        6 => changed[5] ^= 0x0f,
+        7 => {
+            changed.splice(0..0, [0xff, 0xff, 0xfd, 0x00, 0x01, 0x30, 0xff, 0x55]);
+        }
+        8 => changed.fill(0),
+        // A servo refuses.
+        _ if from_servo && packet[4] != 0xfe => {
+            let mut buffer = [0; 32];
+            let instruction = firmware::dynamixel::Instruction::Status;
+            let mut writer =
+                firmware::dynamixel::PacketWriter::new(&mut buffer, packet[4], instruction).unwrap();
+            writer.push(&[7]).unwrap();
+            changed = writer.finish().unwrap().to_vec();
+        }
+        _ => {
+            changed.remove(len / 2);
+        }
+    }
+    changed
+}
+
+/// What the board tells servos, beside what it may.
+struct Told<'p> {
+    program: &'p Program,
+    /// Sync Writes so far, and for each servo the goal that it got last, with the Sync Write.
+    ticks: u32,
+    last: Vec<Option<(u32, i32)>>,
+    wrong: Option<String>,
+}
+
+impl<'p> Told<'p> {
+    fn new(program: &'p Program) -> Self {
+        Self { program, ticks: 0, last: vec![None; program.map.joints().len()], wrong: None }
+    }
+
+    fn see(&mut self, packet: &[u8], gets_through: bool) {
+        // A Sync Write of goal positions: address 116, 4 bytes each.
+        if packet.get(7..12) != Some(&[0x83, 116, 0, 4, 0]) {
+            return;
+        }
+        self.ticks += 1;
+        for value in packet[12..packet.len() - 2].chunks_exact(5) {
+            let goal = i32::from_le_bytes([value[1], value[2], value[3], value[4]]);
+            let index = self.program.map.joints().iter().position(|joint| joint.id == value[0]).unwrap();
+            let joint = self.program.map.joints()[index];
+            let step = f64::from(joint.max_velocity) / 1024.0;
+            let far = self.last[index].is_some_and(|(tick, last)| {
+                f64::from((goal - last).abs()) > step * f64::from(self.ticks - tick) + 1.0
+            });
+            if far || !(joint.min..=joint.max).contains(&goal) {
+                self.wrong
+                    .get_or_insert(format!("servo {} gets {goal} after {:?}", value[0], self.last[index]));
+            }
+            if gets_through {
+                self.last[index] = Some((self.ticks, goal));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_board_bears_a_fault_at_any_packet() {
+    if !require_target("thumbv7em-none-eabi") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let program = Program::read(&write_short_show(folder.path())).unwrap();
+    let image = show::image(&program).unwrap();
+    let mut count = 0;
+    let clean = show::on_sim_wire(
+        &image,
+        &program,
+        &mut |at, _, packet| {
+            count = at + 1;
+            packet.to_vec()
+        },
+        &mut |_| {},
+    );
+    let clean = Summary::new(&program, &clean.unwrap(), "sim");
+    assert_eq!((clean.ends.as_str(), clean.faults.len(), clean.outside_limits), ("Resting", 0, 0));
+    let (mut cases, mut latched) = (0, 0);
+    // Alone, and for so long that it is a fault.
+    for (many, step) in [(1, 7), (40, 5)] {
+        for fault in 0..10 {
+            for part in 0..step {
+                let first = (fault + 10 * part) * count / (10 * step);
+                let mut wire =
+                    |at: usize, from_servo: bool, packet: &[u8]| match (first..first + many).contains(&at) {
+                        true => struck(fault, from_servo, packet),
+                        false => packet.to_vec(),
+                    };
+                let context = || format!("fault {fault} at {many} packets from {first} on");
+                let ran = show::on_sim_wire(&image, &program, &mut wire, &mut |_| {});
+                let ran = ran.unwrap_or_else(|error| panic!("{}: {error:#}", context()));
+                let summary = Summary::new(&program, &ran, "sim");
+                assert_eq!(told.wrong, None, "{}", context());
+                let late = summary.faults.iter().find(|fault| fault.settled_ms.is_none_or(|ms| ms > 100.0));
+                // What happens after the one acknowledgement stays latched.
+                let ends = ["Resting", "Holding"].contains(&summary.ends.as_str());
+                assert!(late.is_none() && ends, "{}: {:?}, ends {}", context(), summary.faults, summary.ends);
+                (cases, latched) = (cases + 1, latched + usize::from(!summary.faults.is_empty()));
+            }
+        }
+    }
+    println!("{cases} cases on the simulated board at {count} packets, of which {latched} latched a fault");
+    assert!(cases >= 100 && latched > 10);
 }
 
 /// The show in puppets/show.toml, with three trials of different people. Its runs on boards take minutes: they are made where

@@ -57,9 +57,19 @@ impl<'m> Recorder<'m> {
         self.servos.schedule(self.map.tick_micros(tick), deed)
     }
 
-    /// Whether all packets that have begun are whole.
-    pub(crate) const fn between_packets(&self) -> bool {
-        self.packet.is_empty()
+    /// Lets servos refuse and miss goals, and packets be garbled.
+    pub(crate) const fn bear_all(&mut self) {
+        self.disturbed = true;
+    }
+
+    /// Takes what came of a packet; what is then not whole will not be.
+    pub(crate) fn receive_packet(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut answers = self.receive(bytes);
+        if !self.packet.is_empty() {
+            self.framer.clear();
+            answers.extend(self.pass_on());
+        }
+        answers
     }
 
     /// Ticks so far.
@@ -75,6 +85,7 @@ impl<'m> Recorder<'m> {
             let (goals, read) = match self.framer.feed(&mut std::slice::from_ref(byte)) {
                 None => continue,
                 Some(Ok(packet)) => (is_tick(&packet), packet.instruction == Instruction::Read as u8),
+                Some(Err(_)) if self.disturbed => (false, false),
                 Some(Err(error)) => {
                     self.fault.get_or_insert_with(|| format!("noise on the servo bus: {error}"));
                     (false, false)

@@ -28,12 +28,12 @@
 
 mod file;
 mod html;
-mod image;
+mod images;
 mod plot;
 mod run;
 mod summary;
 
 pub use file::Program;
 pub use html::write;
-pub use run::{Cost, Note, Ran, What, on_host, on_qemu, on_sim};
+pub use run::{Cost, Note, Ran, What, image, on_host, on_qemu, on_sim, on_sim_wire};
 pub use summary::{ServoSummary, Summary};

@@ -1,7 +1,7 @@
 //! Runs a show to its end.
 
 use super::file::Program;
-use super::image;
+use super::images;
 use crate::board;
 use crate::files;
 use crate::play::{Recorder, Recording, on_the_spot};
@@ -176,11 +176,44 @@ impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_> {
 /// # Errors
 /// As [`on_host`], and where the image cannot be built, does what the simulator does not know, or does not end.
 pub fn on_sim(program: &Program, log: &mut dyn FnMut(&str)) -> Result<Ran> {
-    let elf = image::build(program, SLACK_US)?;
-    let mut lines = Log::new(&elf)?;
-    let parsed = Image::parse(&elf).map_err(|error| anyhow!(error))?;
-    let mut machine = Machine::new(Core::M4, &Board::mps2(), &parsed).map_err(|error| anyhow!(error))?;
+    simulate(&image(program)?, program, recorder(program)?, &mut |_, _, packet| packet.to_vec(), log)
+}
+
+/// The image of a show for [`on_sim_wire`].
+///
+/// # Errors
+/// Where it cannot be built.
+pub fn image(program: &Program) -> Result<Vec<u8>> {
+    images::build(program, SLACK_US)
+}
+
+/// As [`on_sim`], with an image that is there and a wire that does what `wire` says: it is given the number of each packet of
+/// either direction, whether a servo sent it, and the packet, and gives what gets through.
+///
+/// # Errors
+/// As [`on_sim`].
+pub fn on_sim_wire(
+    elf: &[u8],
+    program: &Program,
+    wire: &mut dyn FnMut(usize, bool, &[u8]) -> Vec<u8>,
+    log: &mut dyn FnMut(&str),
+) -> Result<Ran> {
     let mut recorder = recorder(program)?;
+    recorder.bear_all();
+    simulate(elf, program, recorder, wire, log)
+}
+
+fn simulate(
+    elf: &[u8],
+    program: &Program,
+    mut recorder: Recorder<'_>,
+    wire: &mut dyn FnMut(usize, bool, &[u8]) -> Vec<u8>,
+    log: &mut dyn FnMut(&str),
+) -> Result<Ran> {
+    let mut lines = Log::new(elf)?;
+    let parsed = Image::parse(elf).map_err(|error| anyhow!(error))?;
+    let mut machine = Machine::new(Core::M4, &Board::mps2(), &parsed).map_err(|error| anyhow!(error))?;
+    let (mut sent, mut packets) = (Packets::default(), 0);
     let mut notes = Vec::new();
     let mut meter = Meter::new(&program.map);
     let limit =
@@ -199,11 +232,16 @@ pub fn on_sim(program: &Program, log: &mut dyn FnMut(&str)) -> Result<Ran> {
             Stop::Limit if meter.answered(now) => {}
             Stop::Limit => bail!("the image on the simulated board did not come to an end"),
             Stop::Sent(byte) => {
-                meter.byte(now, recorder.between_packets());
-                let answers = recorder.receive(&[byte]);
-                if recorder.between_packets() {
-                    meter.packet(now, answers.len(), recorder.ticks());
-                }
+                meter.byte(now, sent.is_empty());
+                let Some(packet) = sent.take(byte) else { continue };
+                let mut through = |from_servo, packet: &[u8]| {
+                    packets += 1;
+                    wire(packets - 1, from_servo, packet)
+                };
+                let answers = recorder.receive_packet(&through(false, &packet));
+                let answers = Packets::of(&answers).iter().flat_map(|packet| through(true, packet));
+                let answers: Vec<u8> = answers.collect();
+                meter.packet(now, answers.len(), recorder.ticks());
                 machine.answer(&answers);
             }
             Stop::Breakpoint(_) | Stop::Returned | Stop::Mark { .. } => {}
@@ -217,7 +255,7 @@ pub fn on_sim(program: &Program, log: &mut dyn FnMut(&str)) -> Result<Ran> {
 /// # Errors
 /// As [`on_sim`].
 pub fn on_qemu(program: &Program, log: &mut dyn FnMut(&str)) -> Result<Ran> {
-    let elf = image::build(program, QEMU_SLACK_US)?;
+    let elf = images::build(program, QEMU_SLACK_US)?;
     let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
     let path = folder.path().join("bunraku-show");
     files::write(&path, |file| Ok(file.write_all(&elf)?))?;
@@ -248,6 +286,32 @@ fn read(line: &str, notes: &mut Vec<Note>, log: &mut dyn FnMut(&str)) {
     match parsed() {
         Some(note) => notes.push(note),
         None => log(line),
+    }
+}
+
+/// Packets of protocol 2.0 out of bytes of a wire on which nothing is lost.
+#[derive(Default)]
+struct Packets(Vec<u8>);
+
+impl Packets {
+    const fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The packet that is whole with this byte.
+    fn take(&mut self, byte: u8) -> Option<Vec<u8>> {
+        self.0.push(byte);
+        let &[low, high] = self.0.get(5..7)? else { return None };
+        let whole = self.0.len() >= 7 + usize::from(u16::from_le_bytes([low, high]));
+        whole.then(|| std::mem::take(&mut self.0))
+    }
+
+    /// All packets; a joint answer in which a servo is missing ends early.
+    fn of(bytes: &[u8]) -> Vec<Vec<u8>> {
+        let mut packets = Self::default();
+        let mut all: Vec<Vec<u8>> = bytes.iter().filter_map(|&byte| packets.take(byte)).collect();
+        all.extend(Some(packets.0).filter(|rest| !rest.is_empty()));
+        all
     }
 }
 
