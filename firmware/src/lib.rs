@@ -6,6 +6,7 @@
 
 pub mod blender;
 pub mod bus;
+pub mod clips;
 pub mod clock;
 pub mod drive;
 pub mod dynamixel;
@@ -22,5 +23,7 @@ pub mod protocol1;
 pub mod pwm;
 pub mod script;
 pub mod stage;
+pub mod store;
+pub mod stream;
 pub mod voice;
 pub mod wearable;

@@ -145,6 +145,8 @@ pub enum PlayError {
         /// Its number.
         clip: u16,
     },
+    /// All decoders are in use, or the live stream plays already.
+    NoDecoder,
 }
 
 impl fmt::Display for PlayError {
@@ -161,6 +163,7 @@ impl fmt::Display for PlayError {
             Self::Clip(error) => error.fmt(f),
             Self::QueueFull => f.write_str("too many clips wait already"),
             Self::NoClip { clip } => write!(f, "there is no clip {clip}"),
+            Self::NoDecoder => f.write_str("no decoder is free"),
         }
     }
 }

@@ -4,6 +4,7 @@
 pub mod board;
 pub mod clip;
 pub mod files;
+pub mod flash;
 pub mod image;
 pub mod peers;
 pub mod picture;

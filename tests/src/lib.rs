@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod cargo;
+pub mod live;
 pub mod mclip;
 pub mod vectors;
 

@@ -10,7 +10,7 @@ use crate::error::{Error, Field, Limits};
 use crate::quantise::MAX_BITS;
 use crate::quantise::step::MAX_STEP;
 use crate::quantise::uniform::MAX_EXPONENT;
-use crc::{CRC_32_ISO_HDLC, Crc};
+use crc::{CRC_32_ISO_HDLC, Crc, Digest};
 use serde::Serialize;
 
 /// The first bytes of a file.
@@ -27,9 +27,14 @@ const CHECKSUM_BYTES: usize = 4;
 
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
+/// The same CRC-32, of bytes that come piece by piece.
+pub fn digest() -> Digest<'static, u32> {
+    CRC.digest()
+}
+
 /// The CRC-32 (ISO-HDLC: that of zlib and PNG) of two slices, one after the other.
 pub fn checksum(first: &[u8], second: &[u8]) -> u32 {
-    let mut digest = CRC.digest();
+    let mut digest = digest();
     digest.update(first);
     digest.update(second);
     digest.finalize()

@@ -26,7 +26,7 @@ pub use clip::Clip;
 pub use codec::{Adaptation, Adpcm, Codec, CodecId, EntropyId};
 pub use decoder::Decoder;
 pub use engine::{Engine, Memory, Needs};
-pub use header::{Header, MAGIC, Opening, PREFIX_BYTES, Prefix, VERSION, checksum};
+pub use header::{Header, MAGIC, Opening, PREFIX_BYTES, Prefix, VERSION, checksum, digest};
 pub use record::{Channel, ChannelKind, Channels, MANTISSA_BITS, Packing, Packings, entry_shift};
 pub use state::State;
 pub use stream::{Receiver, Stream};

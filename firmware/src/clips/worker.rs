@@ -1,0 +1,271 @@
+//! Decoders that outlive the clips they decode.
+//!
+//! A decoder borrows a clip's header and its memory, and both differ from clip to clip. So that memory can be lent again, a
+//! decoder lives in a coroutine, [`decode`], which owns the memory and borrows it to one clip after the other. It is asked
+//! through a [`Post`] and answers each question in one poll: it waits for nothing else.
+
+use crate::stream::{Live, Player};
+use crate::voice::{Frames, PlayError};
+use core::cell::Cell;
+use core::convert::Infallible;
+use core::future::{Future, poll_fn};
+use core::pin::Pin;
+use core::task::{Context, Poll, Waker};
+use decoder_core::mclip::{self, MAGIC, Memory, State};
+use decoder_core::predict::Correlation;
+use decoder_core::{Error, Field, I16F16, Limits, qmd};
+
+/// Memory of a decoder: for clips of `C` channels, `K` adaptive predictors (0 or C), and `W` 16-bit words of entropy
+/// stage and windows. 16 C + 16 K + 2 W bytes.
+#[derive(Debug)]
+pub struct Workspace<const C: usize, const K: usize, const W: usize> {
+    pose: [I16F16; C],
+    states: [State; C],
+    correlations: [Correlation; K],
+    words: [u16; W],
+}
+
+impl<const C: usize, const K: usize, const W: usize> Workspace<C, K, W> {
+    /// What decoders may need, as a store asks for it.
+    pub const CAPACITY: mclip::Needs = mclip::Needs { channels: C, correlations: K, words: W };
+
+    /// Memory.
+    pub const fn new() -> Self {
+        Self {
+            pose: [I16F16::ZERO; C],
+            states: [State::EMPTY; C],
+            correlations: [Correlation::EMPTY; K],
+            words: [0; W],
+        }
+    }
+
+    const fn lend(&mut self) -> Memory<'_> {
+        let Self { pose, states, correlations, words } = self;
+        Memory { pose, states, correlations, words }
+    }
+}
+
+impl<const C: usize, const K: usize, const W: usize> Default for Workspace<C, K, W> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What a decoder is asked.
+#[derive(Clone, Copy)]
+enum Request {
+    Open(&'static [u8]),
+    OpenLive,
+    Next,
+    Approach(u32),
+    Close,
+}
+
+/// What a decoder says.
+#[derive(Clone, Copy)]
+struct Answer {
+    /// Whether there was a frame.
+    result: Result<bool, PlayError>,
+    channels: usize,
+    frames: u32,
+    rate_centihertz: u16,
+    position: u32,
+}
+
+impl Answer {
+    const fn none(result: Result<bool, PlayError>) -> Self {
+        Self { result, channels: 0, frames: 0, rate_centihertz: 0, position: 0 }
+    }
+
+    fn of<F: Frames>(frames: &F, result: Result<bool, PlayError>) -> Self {
+        Self {
+            result,
+            channels: frames.channels(),
+            frames: frames.frames(),
+            rate_centihertz: frames.rate_centihertz(),
+            position: frames.position(),
+        }
+    }
+}
+
+/// What a decoder and the one who plays its frames tell each other.
+pub struct Post<'s> {
+    request: Cell<Option<Request>>,
+    answer: Cell<Answer>,
+    /// Where the next frame is to be written, while it is asked for.
+    pose: Cell<Option<&'s mut [I16F16]>>,
+}
+
+impl Default for Post<'_> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Post<'_> {
+    /// Nothing was asked.
+    pub const fn new() -> Self {
+        let answer = Answer::none(Err(PlayError::NoDecoder));
+        Self { request: Cell::new(None), answer: Cell::new(answer), pose: Cell::new(None) }
+    }
+
+    async fn request(&self) -> Request {
+        poll_fn(|_| self.request.take().map_or(Poll::Pending, Poll::Ready)).await
+    }
+
+    /// Takes the next frame where it was asked for.
+    fn deliver<F: Frames>(&self, frames: &mut F) -> Result<bool, PlayError> {
+        let Some(frame) = frames.next_frame().map_err(PlayError::Clip)? else { return Ok(false) };
+        let pose = self.pose.take();
+        if let Some(pose) = pose {
+            pose.iter_mut().zip(frame).for_each(|(place, &value)| *place = value);
+            self.pose.set(Some(pose));
+        }
+        Ok(true)
+    }
+}
+
+/// Decodes whatever clip it is asked for, in its memory, for ever. For [`Worker::new`].
+pub async fn decode<const C: usize, const K: usize, const W: usize>(
+    post: &Post<'_>,
+    memory: &mut Workspace<C, K, W>,
+    live: &Live<'_>,
+) -> Infallible {
+    loop {
+        let opened = match post.request().await {
+            Request::Open(bytes) if bytes.starts_with(&MAGIC) => {
+                let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
+                let clip = mclip::Clip::parse(bytes, limits);
+                match clip.and_then(|clip| clip.decoder(memory.lend())) {
+                    Ok(decoder) => serve(post, decoder).await,
+                    Err(error) => Err(PlayError::Clip(error)),
+                }
+            }
+            Request::Open(bytes) => {
+                let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
+                let clip = qmd::Clip::parse(bytes, limits);
+                match clip.and_then(|clip| clip.decoder(&mut memory.pose, None)) {
+                    Ok(decoder) => serve(post, decoder).await,
+                    Err(error) => Err(PlayError::Clip(error)),
+                }
+            }
+            Request::OpenLive => match live.take() {
+                Some(mut player) => {
+                    let opened = match Player::new(live, &mut player, memory.lend()) {
+                        Ok(player) => serve(post, player).await,
+                        Err(error) => Err(PlayError::Clip(error)),
+                    };
+                    live.give(player);
+                    opened
+                }
+                None => Err(PlayError::NoDecoder),
+            },
+            Request::Next | Request::Approach(_) | Request::Close => Ok(()),
+        };
+        post.answer.set(Answer::none(opened.map(|()| false)));
+    }
+}
+
+/// Gives the frames of a clip until it is closed.
+async fn serve<F: Frames>(post: &Post<'_>, mut frames: F) -> Result<(), PlayError> {
+    let mut result = Ok(false);
+    loop {
+        post.answer.set(Answer::of(&frames, result));
+        result = match post.request().await {
+            Request::Next => post.deliver(&mut frames),
+            Request::Approach(frame) => {
+                frames.approach(frame);
+                Ok(false)
+            }
+            Request::Close | Request::Open(_) | Request::OpenLive => return Ok(()),
+        };
+    }
+}
+
+/// A decoder, and room for its frames.
+pub struct Worker<'t, 's> {
+    task: Pin<&'t mut (dyn Future<Output = Infallible> + 's)>,
+    post: &'s Post<'s>,
+    /// Out only while a frame is asked for.
+    pose: Option<&'s mut [I16F16]>,
+    answer: Answer,
+}
+
+impl<'t, 's> Worker<'t, 's> {
+    /// A decoder of [`decode`], pinned, which has the same post. `pose` takes a frame.
+    pub fn new(
+        task: Pin<&'t mut (dyn Future<Output = Infallible> + 's)>,
+        post: &'s Post<'s>,
+        pose: &'s mut [I16F16],
+    ) -> Self {
+        let answer = Answer::none(Err(PlayError::NoDecoder));
+        Self { task, post, pose: Some(pose), answer }
+    }
+
+    fn ask(&mut self, request: Request) -> Result<bool, PlayError> {
+        self.post.pose.set(self.pose.take());
+        self.post.request.set(Some(request));
+        // It waits only for requests, so it has answered then.
+        let _ = self.task.as_mut().poll(&mut Context::from_waker(Waker::noop()));
+        self.pose = self.post.pose.take();
+        self.answer = self.post.answer.get();
+        self.answer.result
+    }
+
+    /// Opens a clip in memory.
+    pub(super) fn open(&mut self, clip: &'static [u8]) -> Result<(), PlayError> {
+        self.ask(Request::Open(clip))?;
+        self.has_room()
+    }
+
+    /// Opens the live stream.
+    pub(super) fn open_live(&mut self) -> Result<(), PlayError> {
+        self.ask(Request::OpenLive)?;
+        self.has_room()
+    }
+
+    fn has_room(&mut self) -> Result<(), PlayError> {
+        let (needed, lent) = (self.answer.channels, self.pose.as_ref().map_or(0, |pose| pose.len()));
+        if needed <= lent {
+            return Ok(());
+        }
+        self.close();
+        Err(PlayError::Clip(Error::OutputTooSmall { field: Field::Pose, needed, lent }))
+    }
+
+    /// Gives the clip's memory back.
+    pub(super) fn close(&mut self) {
+        let _ = self.ask(Request::Close);
+    }
+}
+
+impl Frames for Worker<'_, '_> {
+    fn channels(&self) -> usize {
+        self.answer.channels
+    }
+
+    fn frames(&self) -> u32 {
+        self.answer.frames
+    }
+
+    fn rate_centihertz(&self) -> u16 {
+        self.answer.rate_centihertz
+    }
+
+    fn position(&self) -> u32 {
+        self.answer.position
+    }
+
+    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
+        match self.ask(Request::Next) {
+            Ok(true) => Ok(self.pose.as_deref().and_then(|pose| pose.get(..self.answer.channels))),
+            Err(PlayError::Clip(error)) => Err(error),
+            // Frames that are asked for give no other error.
+            Ok(false) | Err(_) => Ok(None),
+        }
+    }
+
+    fn approach(&mut self, frame: u32) {
+        let _ = self.ask(Request::Approach(frame));
+    }
+}

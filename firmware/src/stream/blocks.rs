@@ -1,0 +1,174 @@
+//! The blocks that wait for their time, in any order.
+
+use super::{MOST_BLOCKS, StreamError};
+use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockHeader};
+use heapless::Vec;
+
+/// A block that waits.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    header: BlockHeader,
+    place: usize,
+}
+
+impl Waiting {
+    const fn end(&self) -> u32 {
+        self.header.first_frame.saturating_add(self.header.frames as u32)
+    }
+}
+
+/// What became of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Taken {
+    Waits,
+    Known,
+    /// There is no place for it.
+    Full,
+}
+
+/// Memory with the stream's header in front, and behind it places for blocks, each as large as the longest one.
+#[derive(Debug)]
+pub(super) struct Blocks<'s> {
+    memory: &'s mut [u8],
+    /// Bytes of the header, and how many of them were received.
+    header: usize,
+    received: usize,
+    /// Bytes of a place; 0 before there are any.
+    place: usize,
+    waiting: Vec<Waiting, MOST_BLOCKS>,
+}
+
+impl<'s> Blocks<'s> {
+    pub const fn new(memory: &'s mut [u8]) -> Self {
+        Self { memory, header: 0, received: 0, place: 0, waiting: Vec::new() }
+    }
+
+    /// Forgets all, for a stream whose header has so many bytes.
+    pub fn begin(&mut self, header: usize) -> Result<(), StreamError> {
+        let room = self.memory.len();
+        if header > room {
+            return Err(StreamError::TooLarge { needed: header as u32, room: room as u32 });
+        }
+        (self.header, self.received, self.place) = (header, 0, 0);
+        self.waiting.clear();
+        Ok(())
+    }
+
+    /// Takes bytes of the header.
+    pub fn receive_header(&mut self, offset: usize, bytes: &[u8]) -> Result<bool, StreamError> {
+        let known = self
+            .received
+            .checked_sub(offset)
+            .ok_or(StreamError::Gap { expected: self.received as u32, found: offset as u32 })?;
+        let new = bytes.get(known..).unwrap_or_default();
+        let places = self.memory.get_mut(self.received..self.header).unwrap_or_default();
+        if new.len() > places.len() {
+            return Err(StreamError::TooLarge {
+                needed: (self.received + new.len()) as u32,
+                room: self.header as u32,
+            });
+        }
+        places.iter_mut().zip(new).for_each(|(place, &byte)| *place = byte);
+        self.received += new.len();
+        Ok(self.received == self.header)
+    }
+
+    /// The header, as far as it was received.
+    pub fn header(&self) -> &[u8] {
+        self.memory.get(..self.received).unwrap_or_default()
+    }
+
+    /// Makes places for blocks whose codes have at most so many bytes.
+    pub fn open(&mut self, block_bytes: usize) -> Result<(), StreamError> {
+        let (place, room) = (block_bytes + BLOCK_HEADER_BYTES, self.memory.len());
+        self.place = place;
+        let needed = self.header + 2 * place;
+        if needed > room {
+            return Err(StreamError::TooLarge { needed: needed as u32, room: room as u32 });
+        }
+        Ok(())
+    }
+
+    /// Places in all.
+    pub fn places(&self) -> usize {
+        let room = self.memory.len().saturating_sub(self.header);
+        room.checked_div(self.place).unwrap_or(0).min(MOST_BLOCKS)
+    }
+
+    /// Places that are free.
+    pub fn free(&self) -> usize {
+        self.places().saturating_sub(self.waiting.len())
+    }
+
+    /// Takes a block, `bytes` being all of it.
+    pub fn insert(&mut self, header: BlockHeader, bytes: &[u8]) -> Taken {
+        if self.waiting.iter().any(|waiting| waiting.header.first_frame == header.first_frame) {
+            return Taken::Known;
+        }
+        let free = |place: &usize| self.waiting.iter().all(|waiting| waiting.place != *place);
+        let Some(place) = (0..self.places()).find(free) else { return Taken::Full };
+        let at = self.header + place * self.place;
+        let places = self.memory.get_mut(at..at + self.place).unwrap_or_default();
+        if bytes.len() > places.len() {
+            return Taken::Full;
+        }
+        places.iter_mut().zip(bytes).for_each(|(place, &byte)| *place = byte);
+        if self.waiting.push(Waiting { header, place }).is_err() {
+            return Taken::Full;
+        }
+        Taken::Waits
+    }
+
+    /// The block that begins with this frame.
+    pub fn block(&self, first_frame: u32) -> Option<&[u8]> {
+        let waiting = self.waiting.iter().find(|waiting| waiting.header.first_frame == first_frame)?;
+        let at = self.header + waiting.place * self.place;
+        self.memory.get(at..at + BLOCK_HEADER_BYTES + usize::from(waiting.header.length))
+    }
+
+    /// Drops all blocks that end before or at this frame.
+    pub fn drop_until(&mut self, frame: u32) {
+        self.waiting.retain(|waiting| waiting.end() > frame);
+    }
+
+    /// Drops the block that begins with this frame.
+    pub fn remove(&mut self, first_frame: u32) {
+        self.waiting.retain(|waiting| waiting.header.first_frame != first_frame);
+    }
+
+    /// Drops the first block, if its time has passed at this frame.
+    pub fn evict(&mut self, position: u32) -> bool {
+        let first = self.waiting.iter().filter(|waiting| waiting.end() <= position);
+        let first = first.map(|waiting| waiting.header.first_frame).min();
+        first.map(|first| self.remove(first)).is_some()
+    }
+
+    /// Blocks whose time has passed at this frame.
+    pub fn passed(&self, position: u32) -> usize {
+        self.waiting.iter().filter(|waiting| waiting.end() <= position).count()
+    }
+
+    /// The last entry point in these frames, both counted.
+    pub fn last_entry(&self, from: u32, to: u32) -> Option<u32> {
+        self.entries().filter(|&first| first >= from && first <= to).max()
+    }
+
+    /// The first entry point.
+    pub fn first_entry(&self) -> Option<u32> {
+        self.entries().min()
+    }
+
+    fn entries(&self) -> impl Iterator<Item = u32> {
+        self.waiting.iter().filter(|waiting| waiting.header.entry).map(|waiting| waiting.header.first_frame)
+    }
+
+    /// The first frame from this one that is not there.
+    pub fn end_from(&self, frame: u32) -> u32 {
+        let mut end = frame;
+        // Each turn passes a block.
+        while let Some(next) = self.waiting.iter().find(|w| w.header.first_frame <= end && w.end() > end) {
+            end = next.end();
+        }
+        end
+    }
+}
