@@ -239,11 +239,15 @@ fn the_board_bears_a_fault_at_any_packet() {
         for fault in 0..10 {
             for part in 0..step {
                 let first = (fault + 10 * part) * count / (10 * step);
-                let mut wire =
-                    |at: usize, from_servo: bool, packet: &[u8]| match (first..first + many).contains(&at) {
+                let mut told = Told::new(&program);
+                let mut wire = |at: usize, from_servo: bool, packet: &[u8]| {
+                    let through = match (first..first + many).contains(&at) {
                         true => struck(fault, from_servo, packet),
                         false => packet.to_vec(),
                     };
+                    told.see(packet, through == packet);
+                    through
+                };
                 let context = || format!("fault {fault} at {many} packets from {first} on");
                 let ran = show::on_sim_wire(&image, &program, &mut wire, &mut |_| {});
                 let ran = ran.unwrap_or_else(|error| panic!("{}: {error:#}", context()));

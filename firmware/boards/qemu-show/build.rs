@@ -64,8 +64,10 @@ fn source(clips: &[(PathBuf, Vec<u8>)]) -> String {
         ("TABLE", table),
         ("CLIPS", clips.len()),
     ];
+    let room =
+        format!("/// Clips that there is room for.\npub const COUNT: usize = {};\n", clips.len().max(1));
     let sizes = sizes.map(|(name, size)| format!("const {name}: usize = {size};\n")).concat();
-    format!("{sizes}static FILES: [&[u8]; CLIPS] = [\n{list}];\n")
+    format!("{sizes}{room}static FILES: [&[u8]; CLIPS] = [\n{list}];\n")
 }
 
 fn variable(name: &str) -> Option<String> {

@@ -12,6 +12,7 @@ use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
 use firmware::stage::Library;
 use firmware::voice::{Frames, Voice};
+use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
@@ -48,10 +49,18 @@ pub fn play(
     let library = Single::new(frames, Some(rate));
     let show = Show { playlist: &[0], ..Show::default() };
     let mut machine = Machine::new(map, library, show, Start::Power);
-    let mut bus =
-        Watched { bus, start: None, busy: Duration::ZERO, longest: Duration::ZERO, taken: Vec::new() };
+    let acted = Cell::new(Duration::ZERO);
+    let mut bus = Watched {
+        bus,
+        acted: &acted,
+        start: None,
+        busy: Duration::ZERO,
+        longest: Duration::ZERO,
+        taken: Vec::new(),
+    };
+    let start = Instant::now();
     let mut surroundings =
-        RealTime { map, start: Instant::now(), asked, told: 0, say, state: None, ticks: 0, late: 0 };
+        RealTime { map, start, acted: &acted, asked, told: 0, say, state: None, ticks: 0, late: 0 };
     let ids: Vec<u8> = map.joints().iter().map(|joint| joint.id).collect();
     run(drive(&mut machine, &mut bus, &mut surroundings));
     // Servos hold their last goal; their watchdogs would turn the next player's goals down.
@@ -69,8 +78,10 @@ pub fn play(
 }
 
 /// A bus, what goes over it, and how long that takes.
-struct Watched<B> {
+struct Watched<'c, B> {
     bus: B,
+    /// Time that actions have taken since somebody looked: servos that are looked for, turned on and watched one by one.
+    acted: &'c Cell<Duration>,
     start: Option<Instant>,
     /// Time that this tick's goals and action have taken.
     busy: Duration,
@@ -78,7 +89,12 @@ struct Watched<B> {
     taken: Vec<Taken>,
 }
 
-impl<B> Watched<B> {
+impl<B> Watched<'_, B> {
+    /// Notes what an action took that began at `start`.
+    fn acted(&self, start: Instant) {
+        self.acted.set(self.acted.get() + start.elapsed());
+    }
+
     /// Adds what a call took that began at `start`.
     fn took(&mut self, start: Instant) {
         self.busy += start.elapsed();
@@ -86,17 +102,23 @@ impl<B> Watched<B> {
     }
 }
 
-impl<B: ServoBus> ServoBus for Watched<B> {
+impl<B: ServoBus> ServoBus for Watched<'_, B> {
     fn reads(&self, index: usize) -> bool {
         self.bus.reads(index)
     }
 
     async fn ping(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
-        self.bus.ping(ids, index).await
+        let start = Instant::now();
+        let result = self.bus.ping(ids, index).await;
+        self.acted(start);
+        result
     }
 
     async fn set_torque(&mut self, ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
-        self.bus.set_torque(ids, index, on).await
+        let start = Instant::now();
+        let result = self.bus.set_torque(ids, index, on).await;
+        self.acted(start);
+        result
     }
 
     async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
@@ -123,17 +145,24 @@ impl<B: ServoBus> ServoBus for Watched<B> {
     }
 
     async fn reboot(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
-        self.bus.reboot(ids, index).await
+        let start = Instant::now();
+        let result = self.bus.reboot(ids, index).await;
+        self.acted(start);
+        result
     }
 
     async fn set_watchdog(&mut self, ids: &[u8], millis: u16) -> Result<(), BusError> {
-        self.bus.set_watchdog(ids, millis).await
+        let start = Instant::now();
+        let result = self.bus.set_watchdog(ids, millis).await;
+        self.acted(start);
+        result
     }
 }
 
 struct RealTime<'a> {
     map: &'a Map,
     start: Instant,
+    acted: &'a Cell<Duration>,
     asked: &'a AtomicUsize,
     /// How often of that the machine was told.
     told: usize,
@@ -151,6 +180,9 @@ impl RealTime<'_> {
 
 impl<L: Library> Surroundings<L, MAX_SERVOS> for RealTime<'_> {
     async fn wait(&mut self, tick: u32) -> bool {
+        // An adapter that takes 16 ms an exchange takes long to turn on many servos; time waits for it as long.
+        let due = self.start + Duration::from_micros(self.map.tick_micros(tick));
+        self.start += self.acted.take().min(Instant::now().saturating_duration_since(due));
         let due = self.start + Duration::from_micros(self.map.tick_micros(tick));
         let next = self.start + Duration::from_micros(self.map.tick_micros(tick.wrapping_add(1)));
         until(due).await;

@@ -35,5 +35,5 @@ mod summary;
 
 pub use file::Program;
 pub use html::write;
-pub use run::{Cost, Note, Ran, What, image, on_host, on_qemu, on_sim, on_sim_wire};
+pub use run::{Cost, Note, Ran, Tamper, What, image, on_host, on_qemu, on_sim, on_sim_wire};
 pub use summary::{ServoSummary, Summary};

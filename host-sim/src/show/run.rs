@@ -187,15 +187,18 @@ pub fn image(program: &Program) -> Result<Vec<u8>> {
     images::build(program, SLACK_US)
 }
 
-/// As [`on_sim`], with an image that is there and a wire that does what `wire` says: it is given the number of each packet of
-/// either direction, whether a servo sent it, and the packet, and gives what gets through.
+/// What a wire does to packets: it is given the number of each packet of either direction, whether a servo sent it, and the
+/// packet, and gives what gets through.
+pub type Tamper<'t> = dyn FnMut(usize, bool, &[u8]) -> Vec<u8> + 't;
+
+/// As [`on_sim`], with an image that is there and a wire that does what `wire` says.
 ///
 /// # Errors
 /// As [`on_sim`].
 pub fn on_sim_wire(
     elf: &[u8],
     program: &Program,
-    wire: &mut dyn FnMut(usize, bool, &[u8]) -> Vec<u8>,
+    wire: &mut Tamper<'_>,
     log: &mut dyn FnMut(&str),
 ) -> Result<Ran> {
     let mut recorder = recorder(program)?;
@@ -207,7 +210,7 @@ fn simulate(
     elf: &[u8],
     program: &Program,
     mut recorder: Recorder<'_>,
-    wire: &mut dyn FnMut(usize, bool, &[u8]) -> Vec<u8>,
+    wire: &mut Tamper<'_>,
     log: &mut dyn FnMut(&str),
 ) -> Result<Ran> {
     let mut lines = Log::new(elf)?;
@@ -238,9 +241,8 @@ fn simulate(
                     packets += 1;
                     wire(packets - 1, from_servo, packet)
                 };
-                let answers = recorder.receive_packet(&through(false, &packet));
-                let answers = Packets::of(&answers).iter().flat_map(|packet| through(true, packet));
-                let answers: Vec<u8> = answers.collect();
+                let answers = Packets::of(&recorder.receive_packet(&through(false, &packet)));
+                let answers: Vec<u8> = answers.iter().flat_map(|packet| through(true, packet)).collect();
                 meter.packet(now, answers.len(), recorder.ticks());
                 machine.answer(&answers);
             }

@@ -8,9 +8,6 @@ use heapless::Vec;
 
 include!(concat!(env!("OUT_DIR"), "/clips.rs"));
 
-/// Clips, at least room for one.
-pub const COUNT: usize = if CLIPS > 0 { CLIPS } else { 1 };
-
 /// What a decoder is lent: enough for the clip that needs most.
 pub struct Memory {
     pose: [I16F16; CHANNELS],
@@ -31,6 +28,7 @@ impl Memory {
 }
 
 /// A clip before its first frame.
+#[allow(clippy::large_enum_variant, reason = "there are few, and nowhere to box them")]
 pub enum Decoder<'s> {
     Qmd(qmd::Decoder<'static, 's>),
     Mclip(mclip::Decoder<'static, 's>),
