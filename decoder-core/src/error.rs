@@ -1,6 +1,7 @@
 //! What a decoder says about bytes that it will not play.
 
 use core::fmt;
+use serde::{Deserialize, Serialize};
 
 /// What the caller is ready to hold. A count from a file is checked once against it, where it is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,7 +18,7 @@ impl Limits {
 }
 
 /// A field of a file, as an error names it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Field {
@@ -134,7 +135,7 @@ impl Field {
 }
 
 /// Why bytes are not a clip that can be played here. Offsets are bytes from the start of the clip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Error {

@@ -11,9 +11,10 @@ use crate::map::Settings;
 use core::fmt;
 use decoder_core::Error;
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
 /// A fault. Servos are numbered as in the joint map, from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Fault {

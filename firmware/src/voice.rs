@@ -6,6 +6,7 @@ use crate::map::{Interpolation, JointMap};
 use core::fmt;
 use decoder_core::{Error, I16F16, mclip, qmd};
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
 /// Where frames come from, in order.
 ///
@@ -119,7 +120,7 @@ impl Frames for mclip::Decoder<'_, '_> {
 }
 
 /// Why a clip cannot be played by a map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum PlayError {

@@ -9,6 +9,7 @@ pub mod amc;
 pub mod asf;
 pub mod bvh;
 pub mod dynamixel;
+pub mod link;
 pub mod mclip;
 pub mod mutate;
 pub mod qmd;
@@ -32,13 +33,14 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 6] = [
+pub const TARGETS: [Target; 7] = [
     Target { name: "qmd", check: qmd::check, seeds: qmd::seeds },
     Target { name: "mclip", check: mclip::check, seeds: mclip::seeds },
     Target { name: "asf", check: asf::check, seeds: asf::seeds },
     Target { name: "amc", check: amc::check, seeds: amc::seeds },
     Target { name: "bvh", check: bvh::check, seeds: bvh::seeds },
     Target { name: "dynamixel", check: dynamixel::check, seeds: dynamixel::seeds },
+    Target { name: "link", check: link::check, seeds: link::seeds },
 ];
 
 /// The golden vectors that a list of hashes names.

@@ -54,3 +54,8 @@ fn bvh() {
 fn dynamixel() {
     fuzz("dynamixel", 4_000_000);
 }
+
+#[test]
+fn link() {
+    fuzz("link", 20_000);
+}

@@ -3,9 +3,11 @@
 
 pub mod board;
 pub mod clip;
+pub mod device;
 pub mod files;
 pub mod flash;
 pub mod image;
+pub mod link;
 pub mod peers;
 pub mod picture;
 pub mod play;

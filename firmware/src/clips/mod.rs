@@ -60,6 +60,11 @@ impl<'t, 's, F: Mapped> Clips<'t, 's, F> {
         Self { linked, store, live, workers: workers.map(Some) }
     }
 
+    /// The clips linked into the image.
+    pub const fn linked(&self) -> &'t [&'static [u8]] {
+        self.linked
+    }
+
     /// The clips in flash.
     pub const fn store(&mut self) -> Option<&mut Store<F>> {
         self.store.as_mut()

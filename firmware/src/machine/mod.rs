@@ -129,6 +129,11 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         self.fault
     }
 
+    /// Where the servos were told to be, in the map's order.
+    pub fn goals(&self) -> &[Goal] {
+        &self.goals
+    }
+
     /// Whether the puppet has come to an end: nothing moves, and without a command nothing will.
     pub fn at_rest(&self) -> bool {
         match self.state {

@@ -2,9 +2,10 @@
 
 use crate::bus::Goal;
 use crate::clock::Speed;
+use serde::{Deserialize, Serialize};
 
 /// What a puppet can be told.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
     /// Play a clip now; what plays fades into it, and what was queued is dropped.
@@ -52,7 +53,7 @@ pub enum Command {
 }
 
 /// Where a puppet is. A fault may be latched in each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum State {
     /// Looks for its servos, one a tick.

@@ -20,6 +20,7 @@ use core::cell::{Cell, RefCell};
 use core::fmt;
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockHeader, Header};
 use decoder_core::{Error, Field, I16F16, Limits};
+use serde::{Deserialize, Serialize};
 
 /// Blocks that wait at most.
 pub const MOST_BLOCKS: usize = 32;
@@ -57,7 +58,7 @@ pub struct Settings {
 }
 
 /// What has happened since the stream began. Saturates.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Counters {
     /// Frames that were played as they were sent.
@@ -79,7 +80,7 @@ pub struct Counters {
 }
 
 /// How far a stream is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Progress {
     /// Number of the frame that plays next.
@@ -95,7 +96,7 @@ pub struct Progress {
 }
 
 /// Why a stream does not take what it was given.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum StreamError {

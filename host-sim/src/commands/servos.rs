@@ -29,9 +29,12 @@ pub struct Args {
     json: bool,
 }
 
+/// Where clients connect.
 #[derive(Clone)]
-enum Listen {
+pub enum Listen {
+    /// A pseudo terminal.
     Pty,
+    /// A TCP port.
     Tcp(String),
 }
 

@@ -16,6 +16,7 @@
 mod bus;
 pub mod config;
 mod instructions;
+pub mod line;
 mod memory;
 mod model;
 mod motion;

@@ -70,6 +70,15 @@ impl Pty {
         &self.path
     }
 
+    /// Reads what has come, without waiting.
+    ///
+    /// # Errors
+    /// [`ErrorKind::WouldBlock`] where nothing has; what the system says.
+    pub fn read_now(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+        self.controller.unlock()?;
+        self.controller.controller.read(bytes)
+    }
+
     /// Answers clients for ever.
     ///
     /// # Errors
@@ -90,12 +99,19 @@ struct Controller {
 }
 
 #[cfg(unix)]
+impl Controller {
+    /// A client that took the port for itself and died would lock out the next one.
+    fn unlock(&self) -> std::io::Result<()> {
+        Ok(rustix::termios::ioctl_tiocnxcl(&self.port)?)
+    }
+}
+
+#[cfg(unix)]
 impl Read for Controller {
     fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
         use rustix::event::{PollFd, PollFlags, poll};
         poll(&mut [PollFd::new(&self.controller, PollFlags::IN)], None)?;
-        // A client that took the port for itself and died would lock out the next one.
-        rustix::termios::ioctl_tiocnxcl(&self.port)?;
+        self.unlock()?;
         match self.controller.read(bytes) {
             Err(error) if error.kind() == ErrorKind::WouldBlock => Err(ErrorKind::Interrupted.into()),
             result => result,
@@ -110,6 +126,18 @@ impl Write for Controller {
             Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(bytes.len()),
             result => result,
         }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.controller.flush()
+    }
+}
+
+#[cfg(unix)]
+impl Write for Pty {
+    /// What nobody reads is lost, as on a wire.
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.controller.write(bytes)
     }
 
     fn flush(&mut self) -> std::io::Result<()> {

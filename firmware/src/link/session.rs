@@ -1,0 +1,220 @@
+//! One line's conversation: requests in order and once each, telemetry when it is due, and who is gone.
+//!
+//! A host numbers its requests, asks again under the same number until it is answered, and only then goes on (packets of
+//! a stream it sends without waiting). The device needs to remember nothing but its last response: a request with that
+//! number gets it again, one with an older number nothing, and each is done once.
+
+use super::frame::{Deframer, OVERHEAD, wire_len, write};
+use super::message::{
+    ANSWER_BYTES, Answer, Event, LinkCounts, REQUEST_BYTES, RESPONSE_BYTES, Refusal, Request, Response,
+    Telemetry, VERSION,
+};
+use crate::fault::Fault;
+use crate::machine::State;
+use heapless::Vec;
+
+/// Bytes that wait to be sent at most: an event, and responses to all requests of a tick.
+const OUT_BYTES: usize = wire_len(ANSWER_BYTES) + REQUESTS * wire_len(RESPONSE_BYTES);
+
+/// Requests that are carried out in a tick at most; others wait on the line.
+pub const REQUESTS: usize = 4;
+
+/// One line's conversation. Times are in ms of any clock that goes on, and may wrap.
+#[derive(Debug)]
+pub struct Session {
+    deframer: Deframer<{ REQUEST_BYTES + OVERHEAD }>,
+    /// To be sent.
+    out: Vec<u8, OUT_BYTES>,
+    /// The number that the host drew.
+    open: Option<u32>,
+    /// Number of the last request, and what it was answered.
+    last: Option<(u16, Response)>,
+    heard: u32,
+    hold: u16,
+    telemetry: u16,
+    told: u32,
+    told_of: Option<(State, Option<Fault>)>,
+    events: u16,
+    busiest: u32,
+    counts: LinkCounts,
+}
+
+impl Default for Session {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Session {
+    /// Before the first byte of a line.
+    pub const fn new() -> Self {
+        Self {
+            deframer: Deframer::new(),
+            out: Vec::new(),
+            open: None,
+            last: None,
+            heard: 0,
+            hold: 0,
+            telemetry: 0,
+            told: 0,
+            told_of: None,
+            events: 0,
+            busiest: 0,
+            counts: LinkCounts { damaged: 0, repeated: 0, unknown: 0, dropped: 0 },
+        }
+    }
+
+    /// Takes bytes off the front of `bytes`, up to [`REQUESTS`] requests of them, and gives each new request to `answer`, once.
+    ///
+    /// Takes a step a byte and what `answer` takes. A response for which there is no room, since nobody reads, is lost: the
+    /// host asks again, and what it asked was done.
+    pub fn serve(&mut self, bytes: &mut &[u8], now: u32, mut answer: impl FnMut(&Request<'_>) -> Response) {
+        let mut requests = 0;
+        while requests < REQUESTS {
+            let frame = match self.deframer.feed(bytes) {
+                None => return,
+                Some(Ok(frame)) => frame,
+                Some(Err(_)) => {
+                    self.counts.damaged = self.counts.damaged.saturating_add(1);
+                    continue;
+                }
+            };
+            requests += 1;
+            self.heard = now;
+            let number = frame.sequence;
+            let Some(request) = parse(frame.message) else {
+                self.counts.unknown = self.counts.unknown.saturating_add(1);
+                send(&mut self.out, &mut self.counts, number, &refused(Refusal::Unknown));
+                continue;
+            };
+            let begins = matches!(request, Request::Hello { session, .. } if self.open != Some(session));
+            if !begins && self.open.is_some() {
+                // Newer numbers are up to half of all numbers ahead.
+                match self.last.as_ref().map(|(last, response)| (number.wrapping_sub(*last), response)) {
+                    Some((0, response)) => {
+                        self.counts.repeated = self.counts.repeated.saturating_add(1);
+                        let again = Answer::Response(response.clone());
+                        send(&mut self.out, &mut self.counts, number, &again);
+                        continue;
+                    }
+                    Some((0x8000.., _)) => {
+                        self.counts.repeated = self.counts.repeated.saturating_add(1);
+                        continue;
+                    }
+                    _ => {}
+                }
+            }
+            let response = match request {
+                Request::Hello { version, session } => {
+                    // What the last host promised by a hold it has to answer for.
+                    (self.open, self.telemetry) = ((version == VERSION).then_some(session), 0);
+                    answer(&request)
+                }
+                _ if self.open.is_none() => Response::Refused(Refusal::NoSession),
+                Request::Alive => Response::Done,
+                Request::Hold { millis } => {
+                    self.hold = millis;
+                    Response::Done
+                }
+                Request::Telemetry { millis } => {
+                    (self.telemetry, self.told_of) = (millis, None);
+                    Response::Done
+                }
+                _ => answer(&request),
+            };
+            self.last = Some((number, response.clone()));
+            send(&mut self.out, &mut self.counts, number, &Answer::Response(response));
+        }
+    }
+
+    /// Whether someone began a session of this version.
+    pub const fn is_open(&self) -> bool {
+        self.open.is_some()
+    }
+
+    /// Whether the host said that it has to be there.
+    pub const fn is_held(&self) -> bool {
+        self.hold > 0
+    }
+
+    /// Whether the host said that it has to be there, and is gone. True once.
+    pub const fn lost(&mut self, now: u32) -> bool {
+        let lost = self.hold > 0 && now.wrapping_sub(self.heard) > self.hold as u32;
+        if lost {
+            self.hold = 0;
+        }
+        lost
+    }
+
+    /// Whether telemetry is to be sent: it is time, or something has changed.
+    pub fn telemetry_due(&self, now: u32, state: State, fault: Option<Fault>) -> bool {
+        self.telemetry > 0
+            && (now.wrapping_sub(self.told) >= u32::from(self.telemetry)
+                || self.told_of != Some((state, fault)))
+    }
+
+    /// Notes what a tick took, for the next telemetry.
+    pub fn busy(&mut self, cycles: u32) {
+        self.busiest = self.busiest.max(cycles);
+    }
+
+    /// Sends telemetry, with this link's own counts. It is dropped where the line is busy.
+    pub fn tell(&mut self, mut telemetry: Telemetry) {
+        (self.told, self.told_of) = (telemetry.millis, Some((telemetry.state, telemetry.fault)));
+        (telemetry.link, telemetry.busiest) = (self.counts, core::mem::take(&mut self.busiest));
+        self.events = self.events.wrapping_add(1);
+        // Responses go first.
+        let room = self.out.capacity() - self.out.len();
+        let answer = Answer::Event(Event::Telemetry(telemetry));
+        if room < OUT_BYTES / 2 {
+            self.counts.dropped = self.counts.dropped.saturating_add(1);
+        } else {
+            send(&mut self.out, &mut self.counts, self.events, &answer);
+        }
+    }
+
+    /// What is to be sent.
+    pub fn outgoing(&self) -> &[u8] {
+        &self.out
+    }
+
+    /// Forgets the first `count` bytes of [`outgoing`](Self::outgoing), which were sent.
+    pub fn sent(&mut self, count: usize) {
+        let count = count.min(self.out.len());
+        self.out.rotate_left(count);
+        self.out.truncate(self.out.len() - count);
+    }
+}
+
+/// The request; none where the bytes are another one's, or more follow.
+fn parse(message: &[u8]) -> Option<Request<'_>> {
+    match postcard::take_from_bytes(message) {
+        // Those of other versions may go on.
+        Ok((request @ Request::Hello { version, .. }, rest)) if rest.is_empty() || version != VERSION => {
+            Some(request)
+        }
+        Ok((Request::Hello { .. }, _)) => None,
+        Ok((request, [])) => Some(request),
+        _ => None,
+    }
+}
+
+const fn refused(why: Refusal) -> Answer {
+    Answer::Response(Response::Refused(why))
+}
+
+/// Adds a frame to what is to be sent, or counts it as dropped.
+fn send(out: &mut Vec<u8, OUT_BYTES>, counts: &mut LinkCounts, number: u16, answer: &Answer) {
+    let start = out.len();
+    // Bytes to write into; those that were not needed go again.
+    let _ = out.resize(OUT_BYTES, 0);
+    let written =
+        out.get_mut(start..).and_then(|free| write(number, answer, free)).map_or(0, |bytes| bytes.len());
+    out.truncate(start + written);
+    if written == 0 {
+        counts.dropped = counts.dropped.saturating_add(1);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,98 @@
+//! `bunraku device`: a puppet's controller on virtual servos.
+
+use super::servos::Listen;
+use anyhow::{Result, anyhow};
+use host_sim::device::{self, Config, Listener};
+use host_sim::puppet::Puppet;
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// A puppet's controller on virtual servos, in real time: the firmware's own code, with clips in a file instead of flash.
+///
+/// Prints the port for `bunraku push`, `stream` and `monitor`, and runs until it is stopped with Ctrl-C.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example:\n  bunraku device --puppet puppets/cmu-12.toml --skeleton 02.asf --flash puppet.flash --listen tcp:127.0.0.1:4100\n  \
+    tcp:127.0.0.1:4100"
+)]
+pub struct Args {
+    /// The puppet: which servo follows which channel.
+    #[arg(long, value_name = "PUPPET.toml")]
+    puppet: PathBuf,
+    /// The skeleton whose channels the clips have (.asf, .bvh), instead of the one that the puppet names.
+    #[arg(long, value_name = "S.asf")]
+    skeleton: Option<PathBuf>,
+    /// The file that holds the flash; without, clips are forgotten at the end.
+    #[arg(long, value_name = "FILE")]
+    flash: Option<PathBuf>,
+    /// Size of the flash in KiB.
+    #[arg(long, value_name = "KIB", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(12..=65_536))]
+    flash_kib: u32,
+    /// Where hosts connect: `pty` or `tcp:HOST:PORT` (port 0 takes a free one).
+    #[arg(long, value_name = "LINE", default_value = "pty")]
+    listen: Listen,
+    /// What the device is called.
+    #[arg(long, default_value = "virtual")]
+    name: String,
+    /// The clip that plays while no other one does.
+    #[arg(long, value_name = "CLIP")]
+    idle: Option<u16>,
+    /// The clip that a trigger plays.
+    #[arg(long, value_name = "CLIP")]
+    trigger: Option<u16>,
+    /// Time in ms without a block after which a stream that is not at its end is lost; a block may be a second of motion.
+    #[arg(long, value_name = "MS", default_value_t = 2000)]
+    stream_lost: u16,
+    /// Print the port as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs until the process is stopped.
+///
+/// # Errors
+/// A sentence about the puppet, the flash or the port.
+pub fn run(args: Args) -> Result<ExitCode> {
+    let puppet = Puppet::read(&args.puppet)?;
+    let skeleton = args.skeleton.or_else(|| puppet.skeleton()).ok_or_else(|| {
+        anyhow!("{} names no skeleton, expected the key \"skeleton\" or --skeleton", args.puppet.display())
+    })?;
+    let map = puppet.map(&encoder::import::load_skeleton(&skeleton)?)?;
+    let listener = match &args.listen {
+        Listen::Tcp(address) => Listener::tcp(address)?,
+        Listen::Pty => pty()?,
+    };
+    let default = Config::default();
+    let config = Config {
+        name: args.name,
+        flash: args.flash,
+        flash_kib: args.flash_kib as usize,
+        idle_clip: args.idle,
+        trigger_clip: args.trigger,
+        stream: firmware::stream::Settings { lost_millis: args.stream_lost, ..default.stream },
+    };
+    let port = listener.name()?;
+    let mut out = std::io::stdout().lock();
+    if args.json {
+        let report =
+            serde_json::json!({ "port": port, "servos": map.joints().len(), "servo_hz": map.tick_hz() });
+        writeln!(out, "{report}")?;
+    } else {
+        writeln!(out, "{port}")?;
+    }
+    out.flush()?;
+    drop(out);
+    device::run(&map, &config, listener, &|| false)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(unix)]
+fn pty() -> Result<Listener> {
+    Ok(Listener::Pty(Box::new(host_sim::servos::serve::Pty::open()?)))
+}
+
+#[cfg(not(unix))]
+fn pty() -> Result<Listener> {
+    anyhow::bail!("this system has no pseudo terminals; use --listen tcp:127.0.0.1:0")
+}

@@ -1,0 +1,251 @@
+//! `bunraku push`: clips onto a device, and commands to its puppet.
+
+use anyhow::{Context, Result, bail};
+use clap::Subcommand;
+use firmware::clock::Speed;
+use firmware::link::message::{Request, Telemetry};
+use firmware::machine::{Command, State};
+use host_sim::files;
+use host_sim::link::Client;
+use host_sim::link::upload::{Upload, list, upload_again};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// Upload clips to a device, and tell its puppet what to do.
+///
+/// PORT is a serial port (/dev/ttyACM0, COM3), a pseudo terminal, or tcp:HOST:PORT. What does not answer within some seconds is told.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Example:\n  bunraku push tcp:127.0.0.1:4100 upload 3 walk.mclip\n  bunraku push tcp:127.0.0.1:4100 play 3 --wait"
+)]
+pub struct Args {
+    #[command(flatten)]
+    pub port: Port,
+    /// Report as JSON.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    action: Action,
+}
+
+/// The line to a device.
+#[derive(clap::Args)]
+pub struct Port {
+    /// The device: a serial port, or tcp:HOST:PORT.
+    #[arg(value_name = "PORT")]
+    pub name: String,
+    /// Bits per second of a serial port.
+    #[arg(long, default_value_t = 115_200)]
+    pub baud: u32,
+}
+
+impl Port {
+    /// Begins a session.
+    pub fn open(&self) -> Result<Client> {
+        Ok(Client::open(&self.name, self.baud)?)
+    }
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// Write a clip to the device's flash; an old one of that number plays until the new one is whole and checked.
+    Upload {
+        /// Number of the clip, 0 to 65534.
+        #[arg(value_parser = clap::value_parser!(u16).range(..=65_534))]
+        clip: u16,
+        /// The clip (.qmd, .mclip).
+        file: PathBuf,
+        /// Its name on the device, instead of the file's.
+        #[arg(long)]
+        name: Option<String>,
+        /// Seconds for which a broken line is opened again.
+        #[arg(long, value_name = "SECONDS", default_value_t = 10)]
+        retry: u64,
+    },
+    /// List the clips.
+    List,
+    /// Remove a clip from the flash.
+    Delete {
+        /// Its number.
+        clip: u16,
+    },
+    /// Play a clip now; what plays fades into it.
+    Play {
+        /// Its number.
+        clip: u16,
+        /// Again and again.
+        #[arg(long = "loop")]
+        repeats: bool,
+        /// Wait until the puppet rests.
+        #[arg(long)]
+        wait: bool,
+    },
+    /// Play a clip after those that play.
+    Queue {
+        /// Its number.
+        clip: u16,
+        /// Again and again.
+        #[arg(long = "loop")]
+        repeats: bool,
+    },
+    /// Slow down to a stop, on the clip's way.
+    Pause,
+    /// Go on after a pause.
+    Resume,
+    /// Play at a speed.
+    Speed {
+        /// 0.25 to 4; 1 is as recorded.
+        speed: f64,
+    },
+    /// Fade to another frame of the clip that plays.
+    Seek {
+        /// Its number.
+        frame: u32,
+    },
+    /// Slow down, and hold the pose.
+    Stop,
+    /// Go home slowly.
+    Home,
+    /// As the trigger input does.
+    Trigger,
+    /// A fault was looked at: find the servos again, and go on.
+    Acknowledge,
+    /// Who the device is, and how.
+    Status,
+}
+
+pub fn run(args: Args) -> Result<ExitCode> {
+    let Args { port, json, action } = args;
+    let report = match action {
+        Action::Upload { clip, file, name, retry } => {
+            write(&port, clip, &file, name.as_deref(), Duration::from_secs(retry), json)?
+        }
+        Action::Play { clip, repeats, wait } => {
+            let mut client = port.open()?;
+            client.command(Command::Play { clip, repeats })?;
+            if wait {
+                until_rest(&mut client)?;
+            }
+            (format!("clip {clip} plays"), json!({ "clip": clip }))
+        }
+        Action::List => clips(&mut port.open()?)?,
+        Action::Status => status(&mut port.open()?)?,
+        Action::Delete { clip } => {
+            port.open()?.done(&Request::Remove { clip })?;
+            (format!("clip {clip} is removed"), json!({ "clip": clip }))
+        }
+        other => {
+            let (command, done) = command(&other)?;
+            port.open()?.command(command)?;
+            (done.to_owned(), json!({ "done": done }))
+        }
+    };
+    let (text, value) = report;
+    if json {
+        println!("{value:#}");
+    } else {
+        println!("{text}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// An action that is one command, and what is said when it is done.
+fn command(action: &Action) -> Result<(Command, &'static str)> {
+    Ok(match *action {
+        Action::Queue { clip, repeats } => (Command::Queue { clip, repeats }, "queued"),
+        Action::Pause => (Command::Pause, "paused"),
+        Action::Resume => (Command::Resume, "goes on"),
+        Action::Seek { frame } => (Command::Seek { frame }, "fades there"),
+        Action::Stop => (Command::Stop, "stops"),
+        Action::Home => (Command::Home, "goes home"),
+        Action::Trigger => (Command::Trigger, "triggered"),
+        Action::Acknowledge => (Command::Acknowledge, "acknowledged"),
+        Action::Speed { speed } => {
+            if !(0.25..=4.0).contains(&speed) {
+                bail!("the speed is {speed}, expected 0.25 to 4");
+            }
+            (Command::Speed(Speed::new((speed * 256.0).round() as u16)), "speed set")
+        }
+        _ => bail!("this is no command"),
+    })
+}
+
+fn write(
+    port: &Port,
+    clip: u16,
+    file: &Path,
+    name: Option<&str>,
+    patience: Duration,
+    json: bool,
+) -> Result<(String, Value)> {
+    let bytes = files::read(file)?;
+    // What the device would refuse after all bytes were sent is told before.
+    host_sim::clip::Clip::parse(file, &bytes)?;
+    let stem = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = name.unwrap_or(&stem);
+    if name.is_empty() || name.len() > firmware::store::NAME_BYTES {
+        bail!("a clip's name has 1 to 32 bytes, and {name:?} has {}: give one with --name", name.len());
+    }
+    let bar = if json { ProgressBar::hidden() } else { ProgressBar::new(bytes.len() as u64) };
+    bar.set_style(ProgressStyle::with_template("{bar:30} {bytes}/{total_bytes}")?);
+    let start = Instant::now();
+    let upload = Upload { clip, name, bytes: &bytes };
+    upload_again(&port.name, port.baud, upload, patience, &mut |bytes| bar.set_position(bytes as u64))
+        .with_context(|| format!("cannot upload {}", file.display()))?;
+    bar.finish_and_clear();
+    let seconds = start.elapsed().as_secs_f64();
+    let text = format!("clip {clip} \"{name}\": {} bytes in {seconds:.1} s, checked", bytes.len());
+    Ok((text, json!({ "clip": clip, "name": name, "bytes": bytes.len(), "seconds": seconds })))
+}
+
+fn clips(client: &mut Client) -> Result<(String, Value)> {
+    let clips = list(client)?;
+    let room = client.hello().clip_bytes;
+    let mut lines: Vec<String> = Vec::new();
+    for clip in &clips {
+        let place = if clip.built_in { ", built in" } else { "" };
+        lines.push(format!(
+            "{:5} \"{}\": {} bytes, CRC-32 {:08x}{place}",
+            clip.clip, clip.name, clip.bytes, clip.crc
+        ));
+    }
+    lines.push(format!("{} clips, room for one of {room} bytes", clips.len()));
+    Ok((lines.join("\n"), json!({ "clips": clips, "room": room })))
+}
+
+fn status(client: &mut Client) -> Result<(String, Value)> {
+    let status = client.status()?;
+    let hello = client.hello();
+    let text = format!(
+        "{} (firmware {}, link {}): {} servos at {} Hz\n{}",
+        hello.name,
+        hello.firmware,
+        hello.version,
+        hello.servos,
+        hello.tick_hz,
+        super::monitor::line(&status, hello.clock_hz)
+    );
+    Ok((text, json!({ "device": hello, "status": super::monitor::value(&status, hello.clock_hz) })))
+}
+
+/// Waits until nothing moves any more.
+fn until_rest(client: &mut Client) -> Result<()> {
+    client.done(&Request::Telemetry { millis: 200 })?;
+    let mut moved = false;
+    loop {
+        let Some(Telemetry { state, fault, .. }) = client.telemetry(Duration::from_secs(3))? else {
+            bail!("{} says nothing any more", client.name());
+        };
+        if let Some(fault) = fault {
+            bail!("{} has a fault: {fault}", client.name());
+        }
+        let rests = matches!(state, State::Resting | State::Holding | State::Limp);
+        if moved && rests {
+            return Ok(());
+        }
+        moved |= !rests;
+    }
+}

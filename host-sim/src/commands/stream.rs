@@ -1,0 +1,57 @@
+//! `bunraku stream`: a clip to a device block by block, while it plays.
+
+use super::push::Port;
+use anyhow::{Context, Result};
+use firmware::link::message::Streaming;
+use host_sim::files;
+use host_sim::link::streaming::{Parts, Settings, stream};
+use serde_json::json;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// Stream a clip to a device while it plays; nothing is written to its flash.
+///
+/// The device buffers some blocks ahead, and bridges what does not come. Where nobody streams any more it stops, as its puppet's
+/// policy says, and reports the link as lost.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  bunraku stream tcp:127.0.0.1:4100 dance.mclip")]
+pub struct Args {
+    #[command(flatten)]
+    port: Port,
+    /// The clip (.mclip).
+    clip: PathBuf,
+    /// Silence in ms after which the device takes the link for lost, even where the stream is there to its end; 0: it does not.
+    #[arg(long, value_name = "MS", default_value_t = 1000)]
+    hold: u16,
+    /// Seconds for which a broken line is opened again.
+    #[arg(long, value_name = "SECONDS", default_value_t = 5)]
+    retry: u64,
+    /// Report as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: Args) -> Result<ExitCode> {
+    let name = args.clip.display();
+    let bytes = files::read(&args.clip)?;
+    let parts = Parts::new(&bytes).with_context(|| format!("{name} cannot be streamed"))?;
+    let settings =
+        Settings { hold_millis: args.hold, patience: Duration::from_secs(args.retry), plays: true };
+    let report = stream(&args.port.name, args.port.baud, &parts, settings, &mut |_| ())
+        .with_context(|| format!("cannot stream {name}"))?;
+    let Streaming { progress, counters } =
+        report.last.and_then(|telemetry| telemetry.stream).unwrap_or_default();
+    if args.json {
+        let report = json!({
+            "blocks": report.blocks, "breaks": report.breaks, "frames": progress.frames, "counters": counters,
+        });
+        println!("{report:#}");
+    } else {
+        println!(
+            "{name}: {} blocks; {} frames played, {} made up, {} eased; {} lines broke",
+            report.blocks, counters.played, counters.concealed, counters.eased, report.breaks
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}

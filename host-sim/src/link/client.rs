@@ -1,0 +1,325 @@
+//! Requests, asked until they are answered, and what the device says unasked.
+
+use super::port::Port;
+use firmware::link::frame::{Deframer, Frame, OVERHEAD, wire_len, write};
+use firmware::link::message::{
+    ANSWER_BYTES, Answer, Event, Hello, REQUEST_BYTES, Refusal, Request, Response, Telemetry, VERSION,
+};
+use firmware::machine::Command;
+use std::collections::VecDeque;
+use std::io;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use thiserror::Error;
+
+/// Time in which a device answers; then it is asked again.
+const ANSWER_TIME: Duration = Duration::from_millis(300);
+
+/// How often a device is asked.
+const TRIES: u32 = 10;
+
+/// Time that a job of many steps may take after which nothing has changed.
+pub const JOB_TIME: Duration = Duration::from_secs(30);
+
+/// Events that are kept until somebody asks for them.
+const EVENTS: usize = 256;
+
+/// Why a device does not do what it was asked.
+#[derive(Debug, Error)]
+pub enum LinkError {
+    /// The line cannot be opened.
+    #[error("cannot open {port}: {error}")]
+    Open {
+        /// Its name.
+        port: String,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// The line broke.
+    #[error("the line to {port} is broken: {error}")]
+    Broken {
+        /// Its name.
+        port: String,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// Nobody answers.
+    #[error("{port} does not answer: asked {tries} times in {:.1} s", .time.as_secs_f64())]
+    Silent {
+        /// The line's name.
+        port: String,
+        /// How often it was asked.
+        tries: u32,
+        /// How long.
+        time: Duration,
+    },
+    /// It speaks another version of the protocol.
+    #[error(
+        "{port} speaks version {device} of the link, this program version {VERSION}: bring the older one up to date"
+    )]
+    Version {
+        /// The line's name.
+        port: String,
+        /// The device's version.
+        device: u8,
+    },
+    /// It does not want to.
+    #[error("{port} refuses: {refusal}")]
+    Refused {
+        /// The line's name.
+        port: String,
+        /// Why.
+        refusal: Refusal,
+    },
+    /// It answers something else.
+    #[error("{port} answers what was not asked: {found}")]
+    Unexpected {
+        /// The line's name.
+        port: String,
+        /// What.
+        found: String,
+    },
+}
+
+impl LinkError {
+    /// Whether another try over a new line may do better.
+    pub const fn is_broken(&self) -> bool {
+        match self {
+            Self::Broken { .. } | Self::Silent { .. } => true,
+            Self::Refused { refusal, .. } => matches!(refusal, Refusal::NoSession),
+            _ => false,
+        }
+    }
+}
+
+/// A session with a device.
+pub struct Client {
+    name: String,
+    port: Port,
+    deframer: Deframer<{ ANSWER_BYTES + OVERHEAD }>,
+    /// Bytes that were read and not looked at.
+    bytes: VecDeque<u8>,
+    number: u16,
+    events: VecDeque<Event>,
+    hello: Hello,
+}
+
+impl Client {
+    /// Opens a line ([`Port::open`]) and begins a session.
+    ///
+    /// # Errors
+    /// [`LinkError`]; within some seconds.
+    pub fn open(name: &str, baud: u32) -> Result<Self, LinkError> {
+        let port =
+            Port::open(name, baud).map_err(|error| LinkError::Open { port: name.to_owned(), error })?;
+        let hello = Hello {
+            version: 0,
+            firmware: heapless::String::new(),
+            name: heapless::String::new(),
+            servos: 0,
+            tick_hz: 0,
+            clock_hz: 0,
+            data_bytes: 0,
+            clip_bytes: 0,
+            flash_stalls: false,
+        };
+        let mut client = Self {
+            name: name.to_owned(),
+            port,
+            deframer: Deframer::new(),
+            bytes: VecDeque::new(),
+            number: 0,
+            events: VecDeque::new(),
+            hello,
+        };
+        // A zero ends what others may have left of a frame.
+        client.write(&[0])?;
+        // Two programs that begin in the same nanosecond are not expected.
+        let time = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let session = time.subsec_nanos() ^ (time.as_secs() as u32).rotate_left(16) ^ std::process::id();
+        match client.request(&Request::Hello { version: VERSION, session })? {
+            Response::Hello(hello) => client.hello = hello,
+            other => return Err(client.unexpected(&other)),
+        }
+        Ok(client)
+    }
+
+    /// Who the device is.
+    pub const fn hello(&self) -> &Hello {
+        &self.hello
+    }
+
+    /// The line's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Asks until it is answered.
+    ///
+    /// # Errors
+    /// [`LinkError`]; three seconds at most after the device said something last.
+    pub fn request(&mut self, request: &Request<'_>) -> Result<Response, LinkError> {
+        let start = Instant::now();
+        self.number = self.number.wrapping_add(1);
+        let mut buffer = [0; wire_len(REQUEST_BYTES)];
+        let frame = match write(self.number, request, &mut buffer) {
+            Some(frame) => &*frame,
+            None => return Err(self.unexpected_text("the request is longer than a frame")),
+        };
+        for _ in 0..TRIES {
+            self.write(frame)?;
+            let until = Instant::now() + ANSWER_TIME;
+            while let Some((number, answer)) = self.next_answer(until)? {
+                match answer {
+                    Answer::Response(Response::Refused(refusal)) if number == self.number => {
+                        return Err(LinkError::Refused { port: self.name.clone(), refusal });
+                    }
+                    Answer::Response(response) if number == self.number => return Ok(response),
+                    // To an earlier try of an earlier request.
+                    Answer::Response(_) => {}
+                    Answer::Event(event) => self.keep(event),
+                }
+            }
+        }
+        Err(LinkError::Silent { port: self.name.clone(), tries: TRIES, time: start.elapsed() })
+    }
+
+    /// Asks for a job that takes many steps until it is done, and tells `step` of each answer.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request), and [`LinkError::Silent`] where it never ends.
+    pub fn job(&mut self, request: &Request<'_>) -> Result<Response, LinkError> {
+        let start = Instant::now();
+        let mut tries = 0;
+        while start.elapsed() < JOB_TIME {
+            tries += 1;
+            match self.request(request)? {
+                Response::Again => {}
+                response => return Ok(response),
+            }
+        }
+        Err(LinkError::Silent { port: self.name.clone(), tries, time: start.elapsed() })
+    }
+
+    /// Gives the puppet a command.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn command(&mut self, command: Command) -> Result<(), LinkError> {
+        self.done(&Request::Command(command))
+    }
+
+    /// Asks for what is done at once.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn done(&mut self, request: &Request<'_>) -> Result<(), LinkError> {
+        match self.job(request)? {
+            Response::Done => Ok(()),
+            other => Err(self.unexpected(&other)),
+        }
+    }
+
+    /// The telemetry that comes next, `limit` long waited for; [`Request::Telemetry`] turns it on.
+    ///
+    /// # Errors
+    /// [`LinkError::Broken`].
+    pub fn telemetry(&mut self, limit: Duration) -> Result<Option<Telemetry>, LinkError> {
+        let until = Instant::now() + limit;
+        loop {
+            if let Some(Event::Telemetry(telemetry)) = self.events.pop_front() {
+                return Ok(Some(telemetry));
+            }
+            match self.next_answer(until)? {
+                Some((_, Answer::Event(event))) => self.keep(event),
+                Some(_) => {}
+                None => return Ok(None),
+            }
+        }
+    }
+
+    /// Forgets what the device has said unasked.
+    pub fn forget_events(&mut self) {
+        self.events.clear();
+    }
+
+    /// What the device is now: telemetry that was sent after this call.
+    ///
+    /// # Errors
+    /// As [`request`](Self::request).
+    pub fn status(&mut self) -> Result<Telemetry, LinkError> {
+        self.done(&Request::Telemetry { millis: u16::MAX })?;
+        self.forget_events();
+        let telemetry = self.telemetry(ANSWER_TIME * TRIES)?;
+        self.done(&Request::Telemetry { millis: 0 })?;
+        telemetry.ok_or_else(|| LinkError::Silent {
+            port: self.name.clone(),
+            tries: 1,
+            time: ANSWER_TIME * TRIES,
+        })
+    }
+
+    /// An error about an answer that was not expected.
+    pub fn unexpected(&self, found: &Response) -> LinkError {
+        self.unexpected_text(&format!("{found:?}"))
+    }
+
+    fn unexpected_text(&self, found: &str) -> LinkError {
+        LinkError::Unexpected { port: self.name.clone(), found: found.to_owned() }
+    }
+
+    fn keep(&mut self, event: Event) {
+        if self.events.len() == EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back(event);
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Result<(), LinkError> {
+        self.port.write(bytes).map_err(|error| LinkError::Broken { port: self.name.clone(), error })
+    }
+
+    /// What the device says next; none at `until`.
+    fn next_answer(&mut self, until: Instant) -> Result<Option<(u16, Answer)>, LinkError> {
+        loop {
+            let Self { deframer, bytes, name, .. } = self;
+            let (mut front, _) = bytes.as_slices();
+            let before = front.len();
+            let frame = deframer.feed(&mut front);
+            let taken = before - front.len();
+            // Damaged frames are asked for again.
+            let answer = frame.and_then(Result::ok).map(|frame| read(name, &frame));
+            bytes.drain(..taken);
+            match answer {
+                Some(Ok(answer)) => return Ok(Some(answer)),
+                Some(Err(error)) => return Err(error),
+                None if before > 0 => continue,
+                None => {}
+            }
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(None);
+            }
+            let mut buffer = [0; 4096];
+            let count = self
+                .port
+                .read(&mut buffer, left)
+                .map_err(|error| LinkError::Broken { port: self.name.clone(), error })?;
+            self.bytes.extend(&buffer[..count]);
+        }
+    }
+}
+
+/// What a frame says.
+fn read(port: &str, frame: &Frame<'_>) -> Result<(u16, Answer), LinkError> {
+    // An answer to a hello begins with the version in every version.
+    if let [0, 0, device, ..] = *frame.message
+        && device != VERSION
+    {
+        return Err(LinkError::Version { port: port.to_owned(), device });
+    }
+    let answer = postcard::from_bytes(frame.message).map_err(|_| LinkError::Unexpected {
+        port: port.to_owned(),
+        found: format!("{} bytes that are no message", frame.message.len()),
+    })?;
+    Ok((frame.sequence, answer))
+}

@@ -1,0 +1,8 @@
+//! The link between a host and a device: end to end on the virtual device, over lines that break, and fuzzed.
+#![allow(clippy::unwrap_used)]
+
+mod flash;
+mod fuzz;
+mod session;
+mod virtual_device;
+mod wrong_devices;
