@@ -211,8 +211,18 @@ fn a_real_port_is_played_and_asked_to_end() {
     };
     // 480 frames at 400 a second.
     let log = folder.path().join("live.csv");
-    let (code, json, error) = run(play().args(["--fps", "400", "--log"]).arg(&log));
-    assert_eq!(code, Some(0), "{error}");
+    // A machine that is busy with other tests may be too late, which a player must not bear.
+    let mut tries = 0;
+    let (json, error) = loop {
+        let (code, json, error) = run(play().args(["--fps", "400", "--log"]).arg(&log));
+        tries += 1;
+        let busy = error.contains("in time") || error.contains("too late");
+        if code == Some(0) || !busy || tries == 5 {
+            assert_eq!(code, Some(0), "{error}");
+            break (json, error);
+        }
+    };
+    assert!(error.contains("Playing"), "{error}");
     let report: Value = serde_json::from_str(&json).unwrap();
     assert_eq!(report["state"], "Resting", "{json}");
     let goals = fs::read_to_string(&log).unwrap().lines().count() - 1;

@@ -313,7 +313,11 @@ fn in_time(latched: &Latched, struck: Option<(u64, State)>) -> Result<(), String
     let from =
         if before.contains(&during) || before.contains(&latched.during) { latched.at_us } else { from };
     let took = settled.saturating_sub(from) / 1000;
-    if took > DEFINED_MS { Err(format!("{latched:?} settled after {took} ms")) } else { Ok(()) }
+    if took > DEFINED_MS {
+        Err(format!("{:?} during {:?} settled after {took} ms", latched.fault, latched.during))
+    } else {
+        Ok(())
+    }
 }
 
 fn matrix(policy: Policy) -> usize {
