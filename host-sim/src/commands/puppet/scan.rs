@@ -169,7 +169,8 @@ fn who(bus: &mut SerialBus, wanted: &Wanted, ids: Option<&Ids>) -> Result<Vec<(u
 }
 
 fn look(bus: &mut SerialBus, wanted: &Wanted, baud: u32, id: u8, identity: Identity) -> Found {
-    let reading = ports::run(bus.look(id)).ok();
+    // One that said who it is also says where it is, though an answer may be lost.
+    let reading = (0..3).find_map(|_| ports::run(bus.look(id)).ok());
     let joint = wanted.servos.iter().find(|servo| servo.id == id).map(|servo| servo.name.clone());
     Found {
         port: wanted.path.clone(),
