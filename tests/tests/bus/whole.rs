@@ -1,5 +1,6 @@
 //! The whole way, with a fault at every packet of a session: machine, drive, client, port, wire, and the virtual servos of
 //! `bunraku servos`. From finding the servos to rest, with an acknowledgement where a fault was latched.
+#![allow(clippy::unwrap_used)]
 
 use crate::servos2;
 use crate::wire::{Fault as Struck, Servos, Wire};
