@@ -165,6 +165,12 @@ impl<const N: usize> Watch<N> {
         self.silent.get(servo).is_some_and(|&silent| silent >= self.patience)
     }
 
+    /// Whether all servos that can be read are lost; false where none can.
+    pub fn all_lost(&self, reads: impl Fn(usize) -> bool) -> bool {
+        let mut readable = (0..self.silent.len()).filter(|&servo| reads(servo));
+        self.any_lost && readable.all(|servo| self.lost(servo))
+    }
+
     /// The first fault that a tick's feedback shows. `reads` tells the servos that can be read, `armed` those that were
     /// told to hold.
     pub fn examine(

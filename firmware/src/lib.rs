@@ -23,6 +23,7 @@ pub mod map;
 pub mod pca9685;
 pub mod protocol1;
 pub mod pwm;
+pub mod script;
 pub mod stage;
 pub mod store;
 pub mod stream;

@@ -3,33 +3,57 @@
 use crate::stage::Library;
 use crate::voice::{Frames, PlayError};
 use decoder_core::{Error, I16F16};
+use heapless::Vec;
 
-/// One decoder as a library: clip 0, which cannot fade into itself.
+/// Decoders as a library of `C` clips at most: clip `n` is the `n`th. One that plays cannot fade into itself.
 #[derive(Debug)]
-pub struct Single<F> {
-    frames: Option<Paced<F>>,
+pub struct Shelf<F, const C: usize> {
+    clips: Vec<Option<Paced<F>>, C>,
 }
 
-impl<F: Frames> Single<F> {
-    /// The clip, played at its own rate or at `rate_centihertz` hundredths of a frame per second.
+/// One clip, number 0.
+pub type Single<F> = Shelf<F, 1>;
+
+impl<F: Frames, const C: usize> Shelf<F, C> {
+    /// A clip, played at its own rate or at `rate_centihertz` hundredths of a frame per second.
     pub fn new(frames: F, rate_centihertz: Option<u16>) -> Self {
         let rate = rate_centihertz.unwrap_or_else(|| frames.rate_centihertz());
-        Self { frames: Some(Paced { frames, rate }) }
+        let mut shelf = Self { clips: Vec::new() };
+        shelf.put(frames, rate);
+        shelf
+    }
+
+    /// Clips, each at its own rate; those beyond `C` are left out.
+    pub fn of(clips: impl IntoIterator<Item = F>) -> Self {
+        let mut shelf = Self { clips: Vec::new() };
+        for frames in clips.into_iter().take(C) {
+            let rate = frames.rate_centihertz();
+            shelf.put(frames, rate);
+        }
+        shelf
+    }
+
+    fn put(&mut self, frames: F, rate: u16) {
+        let clip = self.clips.len() as u16;
+        // There is room: those who call see to it.
+        let _ = self.clips.push(Some(Paced { frames, rate, clip }));
     }
 }
 
-impl<F: Frames> Library for Single<F> {
+impl<F: Frames, const C: usize> Library for Shelf<F, C> {
     type Frames = Paced<F>;
 
     fn open(&mut self, clip: u16) -> Result<Paced<F>, PlayError> {
-        let frames = if clip == 0 { self.frames.take() } else { None };
+        let frames = self.clips.get_mut(usize::from(clip)).and_then(Option::take);
         let mut frames = frames.ok_or(PlayError::NoClip { clip })?;
         frames.approach(0);
         Ok(frames)
     }
 
     fn close(&mut self, frames: Paced<F>) {
-        self.frames = Some(frames);
+        if let Some(place) = self.clips.get_mut(usize::from(frames.clip)) {
+            *place = Some(frames);
+        }
     }
 }
 
@@ -38,6 +62,8 @@ impl<F: Frames> Library for Single<F> {
 pub struct Paced<F> {
     frames: F,
     rate: u16,
+    /// Its place on the shelf.
+    clip: u16,
 }
 
 impl<F: Frames> Frames for Paced<F> {

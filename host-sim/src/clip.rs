@@ -1,6 +1,6 @@
 //! A compressed clip of either kind.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use decoder_core::{I16F16, Limits, mclip, qmd};
 use encoder::mclip::Lent;
 use firmware::voice::Frames;
@@ -67,23 +67,44 @@ impl<'a> Clip<'a> {
         }
     }
 
+    /// Memory for a decoder.
+    pub fn lend(&self) -> Memory {
+        match self {
+            Self::Qmd(clip) => Memory::Qmd(vec![I16F16::ZERO; clip.channels()], vec![0; clip.table_len()]),
+            Self::Mclip(clip) => Memory::Mclip(Lent::new(clip.header().needs())),
+        }
+    }
+
+    /// A decoder before the first frame, in memory of this clip's.
+    ///
+    /// # Errors
+    /// Where the memory is that of another clip.
+    pub fn decoder<'s>(&self, memory: &'s mut Memory) -> Result<Box<dyn Frames + 's>>
+    where
+        'a: 's,
+    {
+        match (self, memory) {
+            (Self::Qmd(clip), Memory::Qmd(pose, table)) => Ok(Box::new(clip.decoder(pose, Some(table))?)),
+            (Self::Mclip(clip), Memory::Mclip(lent)) => Ok(Box::new(clip.decoder(lent.memory())?)),
+            _ => bail!("the decoder's memory is of another kind of clip"),
+        }
+    }
+
     /// Gives `play` a decoder that is before the first frame.
     ///
     /// # Errors
     /// Those of `play`.
     pub fn decode<T>(&self, play: impl FnOnce(&mut dyn Frames) -> Result<T>) -> Result<T> {
-        match self {
-            Self::Qmd(clip) => {
-                let mut pose = vec![I16F16::ZERO; clip.channels()];
-                let mut table = vec![0; clip.table_len()];
-                play(&mut clip.decoder(&mut pose, Some(&mut table))?)
-            }
-            Self::Mclip(clip) => {
-                let mut lent = Lent::new(clip.header().needs());
-                play(&mut clip.decoder(lent.memory())?)
-            }
-        }
+        play(&mut *self.decoder(&mut self.lend())?)
     }
+}
+
+/// What a clip's decoder works in.
+pub enum Memory {
+    /// Of a .qmd: its pose and its table.
+    Qmd(Vec<I16F16>, Vec<i32>),
+    /// Of a .mclip.
+    Mclip(Lent),
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@ use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
 use crate::rp2040js;
-use crate::servos::{Bus, BusConfig, Event, ServoConfig};
 use crate::thumb::{Board, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
 use embedded_hal_async::delay::DelayNs;
@@ -17,12 +16,10 @@ use firmware::bus::port::{Automatic, Line, Port};
 use firmware::drive::{Surroundings, drive};
 use firmware::dynamixel::bus::DynamixelBus;
 use firmware::dynamixel::client::Client;
-use firmware::dynamixel::table::GOAL_POSITION;
-use firmware::dynamixel::{Framer, Instruction, Packet};
 use firmware::fault::Feedback;
 use firmware::library::Single;
 use firmware::machine::{Machine as Puppet, Show, Start};
-use firmware::map::BusKind;
+use firmware::map::MAX_SERVOS;
 use firmware::stage::Library;
 use firmware::voice::{Frames, Voice};
 use std::collections::VecDeque;
@@ -32,6 +29,10 @@ use std::io;
 use std::pin::pin;
 use std::task::{Context as TaskContext, Poll, Waker};
 use std::time::Duration;
+
+mod recorder;
+
+pub(crate) use recorder::Recorder;
 
 /// A goal position that a servo took.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +52,10 @@ pub struct Recording {
     pub ticks: u32,
     /// Every goal of every servo.
     pub goals: Vec<Taken>,
+    /// Where each servo was as each tick's goals came, in the order of the joint map.
+    pub present: Vec<Vec<i32>>,
+    /// Instructions that servos refused.
+    pub refused: u32,
 }
 
 impl Recording {
@@ -88,16 +93,25 @@ fn record(frames: &mut dyn Frames, map: &Map, rate: u16) -> Result<Recording> {
     frames.approach(0);
     let library = Single::new(frames, Some(rate));
     let mut puppet = Puppet::new(map, library, Show { playlist: &[0], ..Show::default() }, Start::Power);
-    let wire = Wire { recorder: Recorder::new(map)?, answers: VecDeque::new() };
-    let port =
-        Port::new(wire, Automatic, Instantly, Line::uart(map.buses().first().map_or(0, |bus| bus.baud)));
-    let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
-    now(drive(&mut puppet, &mut bus, &mut ToTheEnd))?;
+    let recorder = on_the_spot(&mut puppet, Recorder::new(map)?, &mut ToTheEnd)?;
     if let Some(fault) = puppet.fault() {
         bail!("{fault}");
     }
-    let Wire { recorder, .. } = bus.into_client().into_port().into_uart();
     recorder.finish()
+}
+
+/// Drives a machine on virtual servos in no time.
+pub(crate) fn on_the_spot<'m, L: Library, S: Surroundings<L, MAX_SERVOS>>(
+    puppet: &mut Puppet<'m, L, MAX_SERVOS>,
+    recorder: Recorder<'m>,
+    surroundings: &mut S,
+) -> Result<Recorder<'m>> {
+    let baud = puppet.map().buses().first().map_or(0, |bus| bus.baud);
+    let wire = Wire { recorder, answers: VecDeque::new() };
+    let port = Port::new(wire, Automatic, Instantly, Line::uart(baud));
+    let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
+    now(drive(puppet, &mut bus, surroundings))?;
+    Ok(bus.into_client().into_port().into_uart().recorder)
 }
 
 /// Until the puppet rests, as fast as it goes.
@@ -248,100 +262,6 @@ fn now<T>(future: impl Future<Output = T>) -> Result<T> {
         Poll::Ready(result) => Ok(result),
         Poll::Pending => Err(anyhow!("a virtual servo made the player wait")),
     }
-}
-
-/// Longest packet of a player with 32 servos.
-const LONGEST: usize = 640;
-
-/// Virtual servos on a line where each packet of goal positions is one tick, whenever it arrives.
-struct Recorder<'m> {
-    map: &'m Map,
-    servos: Bus,
-    framer: Framer<LONGEST>,
-    /// The bytes of the packet that is not yet whole.
-    packet: Vec<u8>,
-    recording: Recording,
-    /// What went wrong first.
-    fault: Option<String>,
-}
-
-impl<'m> Recorder<'m> {
-    /// A servo for every joint, at the joint's zero.
-    fn new(map: &'m Map) -> Result<Self> {
-        if map.buses().iter().any(|bus| bus.kind != BusKind::Dynamixel) || map.buses().len() != 1 {
-            bail!("the virtual servos are Dynamixel X on one bus, and this puppet has others");
-        }
-        let servos = map
-            .joints()
-            .iter()
-            .map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
-        let config = BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) };
-        Ok(Self {
-            map,
-            servos: Bus::new(&config)?,
-            framer: Framer::new(),
-            packet: Vec::new(),
-            recording: Recording::default(),
-            fault: None,
-        })
-    }
-
-    /// Takes bytes off the line and gives what the servos answer.
-    fn receive(&mut self, bytes: &[u8]) -> Vec<u8> {
-        let mut answers = Vec::new();
-        for byte in bytes {
-            self.packet.push(*byte);
-            let tick = match self.framer.feed(&mut std::slice::from_ref(byte)) {
-                None => continue,
-                Some(Ok(packet)) => is_tick(&packet),
-                Some(Err(error)) => {
-                    self.fault.get_or_insert_with(|| format!("noise on the servo bus: {error}"));
-                    false
-                }
-            };
-            answers.extend(self.pass_on());
-            self.recording.ticks += u32::from(tick);
-        }
-        answers
-    }
-
-    /// Gives the servos the packet.
-    fn pass_on(&mut self) -> Vec<u8> {
-        let Self { map, servos, packet, recording, fault, .. } = self;
-        let time_us = map.tick_micros(recording.ticks);
-        let mut tap = |event| match event {
-            Event::Goal { id, position, .. } => recording.goals.push(Taken { time_us, id, position }),
-            Event::Refused { id, error, .. } => {
-                fault.get_or_insert_with(|| {
-                    format!("servo {id} refused what it was told at {} s: {error:?}", seconds(time_us))
-                });
-            }
-        };
-        let answers = servos.receive(packet, time_us, &mut tap);
-        packet.clear();
-        answers
-    }
-
-    /// What was recorded, if it arrived whole.
-    fn finish(self) -> Result<Recording> {
-        if let Some(fault) = self.fault {
-            bail!(fault);
-        }
-        if !self.packet.is_empty() {
-            bail!("the last packet on the servo bus was cut after {} bytes", self.packet.len());
-        }
-        let (ticks, goals) = (self.recording.ticks, self.recording.goals.len());
-        let expected = ticks as usize * self.map.joints().len();
-        if goals != expected {
-            bail!("the servos took {goals} goals in {ticks} ticks, expected {expected}");
-        }
-        Ok(self.recording)
-    }
-}
-
-fn is_tick(packet: &Packet<'_>) -> bool {
-    packet.instruction == Instruction::SyncWrite as u8
-        && packet.parameters.starts_with(&GOAL_POSITION.address.to_le_bytes())
 }
 
 /// Microseconds as seconds, with all six decimals.

@@ -209,7 +209,10 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         // Servos that hold are told so while the others are looked for.
         let sends = match self.state {
             State::Finding | State::Reading => self.servos.iter().any(|servo| servo.armed),
-            state => state != State::Limp,
+            State::Limp => false,
+            // Where nobody is heard, nobody is told anything: a bus that comes back in mid-movement would bring servos a goal
+            // that has gone on without them. They are read first, and told to go on from there.
+            _ => !self.watch.all_lost(|servo| self.map.reads(servo)),
         };
         for (goal, servo) in self.goals.iter_mut().zip(&self.servos) {
             goal.position = servo.limiter.goal();
@@ -269,6 +272,10 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     fn acknowledge(&mut self) {
         if self.fault.take().is_none() {
             return;
+        }
+        // Those that nothing reaches are not where they would have been told to be.
+        if self.watch.all_lost(|servo| self.map.reads(servo)) {
+            self.disarm();
         }
         self.watch = Watch::new(self.map.settings(), self.map.joints().len());
         self.let_go = false;

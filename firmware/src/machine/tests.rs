@@ -192,8 +192,12 @@ impl<'m> World<'m> {
                 self.velocity.insert(index, [steps[0], if reached { steps[1] } else { 0 }]);
                 let inwards = last < joint.min && steps[0] >= 0 || last > joint.max && steps[0] <= 0;
                 assert!(begins || inwards || (joint.min..=joint.max).contains(&goal.position), "{goal:?}");
-            } else {
+            } else if reached {
                 assert!(begins, "servo {index} starts at {}, told {}", motor.position, goal.position);
+                self.velocity.insert(index, [goal.position - motor.position; 2]);
+            } else {
+                // What it was told before nobody knows.
+                self.told.remove(&index);
             }
             if reached {
                 self.away.remove(&index);
@@ -499,8 +503,10 @@ fn a_bus_that_comes_back_finds_the_servos_where_they_are() {
     (0..150).for_each(|_| world.tick());
     let before = world.positions();
     world.bus = Err(BusError::NoReply);
-    (0..30).for_each(|_| world.tick());
+    (0..5).for_each(|_| world.tick());
     assert!(world.told.iter().any(|(&index, told)| (told - before[index]).abs() > 8), "it was moving");
+    (0..25).for_each(|_| world.tick());
+    assert!(world.told.is_empty(), "nobody is told what nobody hears");
     world.bus = Ok(());
     (0..30).for_each(|_| world.tick());
     assert_eq!(world.positions(), before);

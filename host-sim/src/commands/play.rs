@@ -1,24 +1,27 @@
-//! `bunraku play`: a clip on a puppet of virtual servos.
+//! `bunraku play`: a clip on a puppet of virtual or real servos.
 
-use anyhow::{Context, Result, anyhow, bail};
-use clap::ValueEnum;
+use anyhow::{Context, Result, bail};
 use host_sim::board;
 use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::play::{self, Recording, seconds};
+use host_sim::ports;
 use host_sim::puppet::{Map, Puppet};
 use host_sim::rp2040js;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Play a clip on the virtual servos of a puppet, and log every goal position that they are told.
+/// Play a clip on the servos of a puppet, virtual or real, and log every goal position that they are told.
 ///
 /// On the host, the firmware's player runs in this program; on qemu and sim, it runs on a Cortex-M4 board, and on rp2040 on a
 /// Raspberry Pi Pico, whose image is built for the clip and the puppet. All logs are the same. sim and rp2040 count cycles, so they
-/// say how long the core was awake.
+/// say how long the core was awake. On a port the same player drives real servos in real time; Ctrl-C stops it smoothly and brings
+/// the puppet home.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on qemu --log walk.csv"
+    after_help = "Example:\n  bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on qemu --log walk.csv\n  \
+        bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on /dev/ttyUSB0"
 )]
 pub struct Args {
     /// The clip: .qmd or .mclip.
@@ -26,8 +29,10 @@ pub struct Args {
     /// The puppet: which servo follows which channel.
     #[arg(long, value_name = "PUPPET.toml")]
     puppet: PathBuf,
-    /// Where the player runs.
-    #[arg(long, value_enum, default_value_t = On::Host)]
+    /// Where the player runs: host (this program), qemu (its mps2-an386, a Cortex-M4), sim (the simulated Cortex-M4, which
+    /// counts cycles), rp2040 (a Raspberry Pi Pico in the emulator rp2040js, which counts them too), or the serial port of
+    /// real servos (NAME=PORT,NAME=PORT for a puppet with several buses).
+    #[arg(long, value_name = "host|qemu|sim|rp2040|PORT", default_value = "host")]
     on: On,
     /// The skeleton whose channels the clip has (.asf, .bvh), instead of the one that the puppet names.
     #[arg(long, value_name = "S.asf")]
@@ -43,17 +48,26 @@ pub struct Args {
     json: bool,
 }
 
-#[derive(Clone, Copy, ValueEnum, serde::Serialize)]
+#[derive(Clone, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 enum On {
-    /// In this program.
     Host,
-    /// On QEMU's mps2-an386, a Cortex-M4.
     Qemu,
-    /// On the simulated Cortex-M4, which counts cycles.
     Sim,
-    /// On a Raspberry Pi Pico in the emulator rp2040js, which counts cycles too.
     Rp2040,
+    Port(String),
+}
+
+impl From<&str> for On {
+    fn from(text: &str) -> Self {
+        match text {
+            "host" => Self::Host,
+            "qemu" => Self::Qemu,
+            "sim" => Self::Sim,
+            "rp2040" => Self::Rp2040,
+            port => Self::Port(port.to_owned()),
+        }
+    }
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
@@ -64,7 +78,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let map = map(&args.clip, &clip, &args.puppet, args.skeleton)?;
 
     let log = &mut |line: &str| eprintln!("{line}");
-    let played = match args.on {
+    let mut live = None;
+    let played = match &args.on {
         On::Host => play::on_host(&clip, &map, centihertz).map(|recording| (recording, None)),
         On::Qemu => play::on_qemu(&clip, &bytes, &map, centihertz, log).map(|recording| (recording, None)),
         On::Sim => play::on_sim(&clip, &bytes, &map, centihertz, log).map(|(recording, usage)| {
@@ -79,6 +94,17 @@ pub fn run(args: Args) -> Result<ExitCode> {
             let asleep = cycles.saturating_sub(figures.cycles);
             (recording, Some(Spent::of(cycles, asleep, rp2040js::CLOCK_HZ)))
         }),
+        On::Port(port) => {
+            let names = Puppet::read(&args.puppet)?.bus_names();
+            let buses = ports::open(&map, &ports::paths(port, &names)?)?;
+            let asked = asked_to_end()?;
+            let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
+            clip.decode(|frames| ports::play(frames, &map, rate, buses, asked, log)).map(|played| {
+                let recording = played.recording.clone();
+                live = Some(played);
+                (recording, None)
+            })
+        }
     };
     let (recording, spent) = played.with_context(|| format!("cannot play {name}"))?;
     if let Some(log) = &args.log {
@@ -92,6 +118,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
             "seconds": duration as f64 / 1e6, "goals": recording.goals.len(), "log": args.log,
             "cycles": spent.map(|spent| spent.cycles), "cycles_asleep": spent.map(|spent| spent.asleep),
             "awake": spent.map(|spent| spent.awake),
+            "late_ticks": live.as_ref().map(|live| live.late),
+            "longest_bus_ms": live.as_ref().map(|live| live.longest.as_secs_f64() * 1e3),
+            "state": live.as_ref().map(|live| format!("{:?}", live.state)),
         });
         println!("{report:#}");
     } else {
@@ -101,6 +130,14 @@ pub fn run(args: Args) -> Result<ExitCode> {
             map.tick_hz(),
             seconds(duration)
         );
+        if let Some(live) = live {
+            println!(
+                "  the buses took {:.2} ms of a tick at most, {} ticks began late; the puppet ends {:?}",
+                live.longest.as_secs_f64() * 1e3,
+                live.late,
+                live.state
+            );
+        }
         if let Some(spent) = spent {
             println!(
                 "  {} cycles at {} MHz, of which {} awake: {:.3} %, {:.0} cycles a tick",
@@ -113,6 +150,16 @@ pub fn run(args: Args) -> Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Counts how often Ctrl-C was pressed, or somebody asked this program to end by a signal.
+fn asked_to_end() -> Result<&'static AtomicUsize> {
+    static ASKED: AtomicUsize = AtomicUsize::new(0);
+    let note = || {
+        ASKED.fetch_add(1, Ordering::Relaxed);
+    };
+    ctrlc::set_handler(note).context("cannot take Ctrl-C")?;
+    Ok(&ASKED)
 }
 
 /// How a core's cycles were spent.
@@ -143,10 +190,7 @@ pub fn rate(path: &Path, clip: &Clip<'_>, fps: Option<f64>) -> Result<u16> {
 /// The joint map of a puppet for the clip at `path`.
 pub fn map(path: &Path, clip: &Clip<'_>, puppet: &Path, skeleton: Option<PathBuf>) -> Result<Map> {
     let file = Puppet::read(puppet)?;
-    let skeleton = skeleton.or_else(|| file.skeleton()).ok_or_else(|| {
-        anyhow!("{} names no skeleton, expected the key \"skeleton\" or --skeleton", puppet.display())
-    })?;
-    let skeleton = encoder::import::load_skeleton(&skeleton)?;
+    let skeleton = super::puppet::skeleton(&file, puppet, skeleton)?;
     let (found, expected) = (clip.channels(), skeleton.channels.len());
     if found != expected {
         bail!("{} has {found} channels, expected {expected} as in the skeleton", path.display());

@@ -20,6 +20,10 @@ pub struct Args {
     /// Where clients connect: `pty` or `tcp:HOST:PORT` (port 0 takes a free one)
     #[arg(long, value_name = "LINE", default_value = "pty")]
     listen: Listen,
+    /// What happens to the servos, by seconds since they were started: [[event]] with `at` and `what`, for instance
+    /// at = 5.0, what = "turn", servo = 3, position = 1000 (or restart, silence, cut)
+    #[arg(long, value_name = "EVENTS.TOML")]
+    events: Option<PathBuf>,
     /// Print the port and the ids as JSON
     #[arg(long)]
     json: bool,
@@ -51,9 +55,15 @@ impl FromStr for Listen {
 /// # Errors
 /// A sentence about the puppet, the port or the line.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let Args { config: path, listen, json } = args;
+    let Args { config: path, listen, events, json } = args;
     let config = BusConfig { byte_gap_us: serve::BYTE_GAP_US, ..config::read(&path)? };
-    let bus = Bus::new(&config).with_context(|| format!("{} does not describe servos", path.display()))?;
+    let mut bus =
+        Bus::new(&config).with_context(|| format!("{} does not describe servos", path.display()))?;
+    if let Some(events) = events {
+        for (at_us, deed) in config::read_events(&events)? {
+            bus.schedule(at_us, deed).with_context(|| events.display().to_string())?;
+        }
+    }
     let announce = |port: &str| -> std::io::Result<()> {
         let mut out = std::io::stdout().lock();
         if json {

@@ -6,7 +6,7 @@ use std::fmt::{Result, Write};
 use std::path::Path;
 
 /// Colours, light and dark.
-const STYLE: &str = "\
+pub(crate) const STYLE: &str = "\
 :root { --ink: #1c2430; --soft: #667085; --line: #d9dee7; --paper: #fff; --panel: #f6f8fb; --bar: #3b74d8; --bar-soft: #a9c4f3; --worst: #d4380d; color-scheme: light dark }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6e9ef; --soft: #98a2b3; --line: #333c4b; --paper: #12161d; --panel: #1a202a; --bar: #6b9bf0; --bar-soft: #2f4a78; --worst: #ff7a45 } }
 * { box-sizing: border-box }

@@ -14,7 +14,7 @@ mod images;
 pub mod measure;
 pub mod parts;
 pub mod report;
-mod svg;
+pub(crate) mod svg;
 pub mod wearable;
 
 pub use expect::{frames, ticks};

@@ -89,6 +89,17 @@ pub(super) struct Entry {
     pub(super) max_speed: Spanned<f64>,
     pub(super) max_acceleration: Option<Spanned<f64>>,
     pub(super) idle: Option<Spanned<IdleEntry>>,
+    pub(super) model: Option<Spanned<Model>>,
+}
+
+/// A servo's model.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+pub enum Model {
+    /// Its number.
+    Number(u16),
+    /// Its name.
+    Name(String),
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]

@@ -27,6 +27,7 @@
 //! max_speed = 270           # degrees or cm per second
 //! max_acceleration = 5400   # degrees or cm per second squared; max_speed in 50 ms unless given
 //! idle = { breathing = 1.0, sway = 0.5, gaze = 0.0 }  # degrees or cm that the idle layer adds at most; 0 unless given
+//! model = "XM430-W350"      # optional, a name or a number: what `bunraku puppet scan` expects to find there
 //! ```
 //!
 //! Instead of `range`, `goal_range = [min, max]` gives the range in goal units: those of the kind of servo.
@@ -42,26 +43,25 @@
 
 use crate::files;
 use anyhow::{Context, Result, anyhow, bail};
-use decoder_core::I16F16;
-use encoder::skeleton::{ChannelKind, Skeleton};
-use firmware::limits::{FINE_BITS, MAX_VELOCITY};
+use encoder::skeleton::Skeleton;
 use firmware::map::{
-    BusKind, BusSpec, Idle, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy, Settings,
-    bytes_len,
+    BusKind, BusSpec, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy, Settings, bytes_len,
 };
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 
+pub mod budget;
+pub mod calibrate;
 mod file;
+mod joint;
+pub mod models;
+pub mod rehearse;
 
 use file::{Curve, Entry, File, OnFault};
 
 /// The servos of this project's puppets, as the device gets them.
 pub type Map = JointMap<MAX_SERVOS>;
-
-/// Seconds in which a joint reaches its highest speed, where a puppet does not say its acceleration.
-const DEFAULT_RISE: f64 = 0.05;
 
 /// A map as the bytes that a device parses.
 ///
@@ -72,25 +72,40 @@ pub fn to_bytes(map: &Map) -> Result<Vec<u8>> {
     Ok(map.to_bytes(&mut buffer)?.to_vec())
 }
 
+/// A servo as a puppet.toml names it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Named {
+    /// Number of its bus.
+    pub bus: usize,
+    /// Its id there.
+    pub id: u8,
+    /// The joint's name.
+    pub name: String,
+    /// Its model number, where the puppet says it.
+    pub model: Option<u16>,
+}
+
+/// What is wrong with a puppet, so far.
+#[derive(Debug, Default)]
+struct Mistakes(Vec<anyhow::Error>);
+
+impl Mistakes {
+    fn add(&mut self, mistake: anyhow::Error) {
+        self.0.push(mistake);
+    }
+
+    /// What there is of a result; its error is kept.
+    fn note<T>(&mut self, result: Result<T>) -> Option<T> {
+        result.map_err(|error| self.add(error)).ok()
+    }
+}
+
 /// A puppet.toml whose keys and value types are right; [`Puppet::map`] checks what they say.
 #[derive(Debug)]
 pub struct Puppet {
     path: PathBuf,
     text: String,
     file: File,
-}
-
-/// Goals that a kind of servo takes: the lowest, the highest, and how many a degree is.
-///
-/// Sources: e-Manual, "XM430-W350" (4096 a turn) and "AX-12A" (1024 in 300°); Feetech's memory tables of the STS3215 (4096
-/// a turn) and SCS15 (1024 in 200°); hobby servos take pulses of 500 to 2500 µs for some 180°.
-const fn servo(kind: BusKind) -> (i32, i32, f64) {
-    match kind {
-        BusKind::Dynamixel | BusKind::Sts => (0, 4095, 4096.0 / 360.0),
-        BusKind::Dynamixel1 => (0, 1023, 1024.0 / 300.0),
-        BusKind::Scs => (0, 1023, 1024.0 / 200.0),
-        BusKind::Pwm | BusKind::Pca9685 | BusKind::Blender => (500, 2500, 2000.0 / 180.0),
-    }
 }
 
 impl Puppet {
@@ -125,35 +140,103 @@ impl Puppet {
         Some(self.path.parent().map_or_else(|| skeleton.clone(), |folder| folder.join(skeleton)))
     }
 
+    /// The names of its buses, in the order of the map; one that has none is "bus".
+    pub fn bus_names(&self) -> Vec<String> {
+        match self.file.bus.as_slice() {
+            [] => vec!["bus".to_owned()],
+            buses => buses.iter().map(|bus| bus.name.get_ref().clone()).collect(),
+        }
+    }
+
     /// The joint map: names resolved in `skeleton`, units converted.
     ///
     /// # Errors
-    /// A sentence that names the file, the line, the key, what was found, and what was expected.
+    /// A sentence that names the file, the line, the key, what was found, and what was expected: the first of those
+    /// that [`check`](Self::check) gives.
     pub fn map(&self, skeleton: &Skeleton) -> Result<Map> {
-        let buses = self.buses()?;
+        self.check(skeleton).map_err(|mistakes| {
+            mistakes.into_iter().next().unwrap_or_else(|| anyhow!("{}", self.path.display()))
+        })
+    }
+
+    /// As [`map`](Self::map), with all mistakes there are.
+    ///
+    /// # Errors
+    /// A sentence for each mistake, one at least.
+    pub fn check(&self, skeleton: &Skeleton) -> Result<Map, Vec<anyhow::Error>> {
+        let mut mistakes = Mistakes::default();
+        let buses = mistakes.note(self.buses());
+        let settings = mistakes.note(self.settings());
         let mut joints: Vec<(u8, Joint)> = Vec::new();
         for (index, entry) in self.file.joint.iter().enumerate() {
-            let bus = self.bus_of(entry)?;
             let earlier = self.file.joint.iter().take(index);
             if earlier.clone().any(|other| other.name.get_ref() == entry.name.get_ref()) {
-                return Err(self.wrong(&entry.name, "another joint has this name"));
+                mistakes.add(self.wrong(&entry.name, "another joint has this name"));
             }
-            let same =
-                earlier.zip(&joints).find(|(_, (on, joint))| (*on, joint.id) == (bus, *entry.id.get_ref()));
-            if let Some((other, _)) = same {
+            let bus = mistakes.note(self.bus_of(entry));
+            let same = earlier.into_iter().find(|other| {
+                other.id.get_ref() == entry.id.get_ref() && self.bus_of(other).ok() == bus && bus.is_some()
+            });
+            if let Some(other) = same {
                 let why = format!("joint \"{}\" has id {} as well", other.name.get_ref(), other.id.get_ref());
-                return Err(self.wrong(&entry.id, &why));
+                mistakes.add(self.wrong(&entry.id, &why));
             }
-            let kind = buses.get(usize::from(bus)).map_or(BusKind::Dynamixel, |bus| bus.kind);
-            joints.push((bus, self.joint(entry, bus, kind, skeleton)?));
+            mistakes.note(self.model(entry));
+            let kind = bus.and_then(|bus| buses.as_ref()?.get(usize::from(bus)).map(|bus| bus.kind));
+            let kind = kind.unwrap_or(BusKind::Dynamixel);
+            joints.extend(
+                self.joint(entry, bus.unwrap_or(0), kind, skeleton, &mut mistakes)
+                    .map(|joint| (joint.bus, joint)),
+            );
         }
         // A device goes through its buses in order.
         joints.sort_by_key(|(bus, _)| *bus);
         if joints.len() > MAX_SERVOS {
-            bail!("{}: more than {MAX_SERVOS} joints, the most that a board holds", self.path.display());
+            mistakes.add(anyhow!(
+                "{}: more than {MAX_SERVOS} joints, the most that a board holds",
+                self.path.display()
+            ));
         }
-        let joints = joints.into_iter().map(|(_, joint)| joint).collect();
-        JointMap::new(self.settings()?, buses, joints).with_context(|| self.path.display().to_string())
+        let joints = joints.into_iter().take(MAX_SERVOS).map(|(_, joint)| joint).collect();
+        if let (Some(buses), Some(settings), true) = (buses, settings, mistakes.0.is_empty()) {
+            let map = JointMap::new(settings, buses, joints);
+            if let Some(map) = mistakes.note(map.with_context(|| self.path.display().to_string())) {
+                return Ok(map);
+            }
+        }
+        Err(mistakes.0)
+    }
+
+    /// The servos without what they follow: number of the bus, id and name, in the order of the file.
+    ///
+    /// # Errors
+    /// As [`map`](Self::map).
+    pub fn servos(&self) -> Result<Vec<Named>> {
+        let named = |entry: &Entry| {
+            let (bus, name) = (self.bus_of(entry)?, entry.name.get_ref().clone());
+            Ok(Named { bus: bus.into(), id: *entry.id.get_ref(), name, model: self.model(entry)? })
+        };
+        self.file.joint.iter().map(named).collect()
+    }
+
+    /// What the servos hang on.
+    ///
+    /// # Errors
+    /// As [`map`](Self::map).
+    pub fn bus_specs(&self) -> Result<Vec<BusSpec>> {
+        Ok(self.buses()?.to_vec())
+    }
+
+    /// The name of a joint of [`map`](Self::map).
+    pub fn name_of(&self, joint: &Joint) -> &str {
+        let is =
+            |entry: &&Entry| *entry.id.get_ref() == joint.id && self.bus_of(entry).ok() == Some(joint.bus);
+        self.file.joint.iter().find(is).map_or("", |entry| entry.name.get_ref())
+    }
+
+    /// Text and path, as they were read.
+    pub fn source(&self) -> (&Path, &str) {
+        (&self.path, &self.text)
     }
 
     fn settings(&self) -> Result<Settings> {
@@ -237,121 +320,6 @@ impl Puppet {
         to_bytes(&self.map(skeleton)?)
     }
 
-    fn joint(&self, entry: &Entry, bus: u8, kind: BusKind, skeleton: &Skeleton) -> Result<Joint> {
-        let (lowest, highest, per_degree) = servo(kind);
-        let name = entry.channel.get_ref();
-        let Some(channel) = skeleton.channel(name) else {
-            return Err(self.wrong(&entry.channel, &no_channel(name, skeleton)));
-        };
-        let turns =
-            matches!(skeleton.channels[channel].kind, ChannelKind::Rx | ChannelKind::Ry | ChannelKind::Rz);
-        let unit = if turns { "degree" } else { "cm" };
-        let scale = match &entry.scale {
-            Some(scale) => self.positive(scale, I16F16::MAX.to_num())?,
-            None if turns => per_degree,
-            None => {
-                return Err(self.wrong(&entry.channel, "a translation needs `scale`, in goal units per cm"));
-            }
-        };
-        let sign = match &entry.direction {
-            None => 1.0,
-            Some(direction) => match *direction.get_ref() {
-                sign @ (1 | -1) => f64::from(sign),
-                found => return Err(self.wrong(direction, &format!("found {found}, expected 1 or -1"))),
-            },
-        };
-        let zero = entry.zero.as_ref().map_or((lowest + highest + 1) / 2, |zero| *zero.get_ref());
-        let to_goal = |value: f64| (f64::from(zero) + sign * scale * value).round();
-        let ([one, other], place) = match (&entry.range, &entry.goal_range) {
-            (Some(range), None) => (range.get_ref().map(to_goal), range.span()),
-            (None, Some(range)) => (range.get_ref().map(f64::from), range.span()),
-            _ => {
-                return Err(self.wrong(&entry.name, "expected either `range` or `goal_range`, and not both"));
-            }
-        };
-        let (min, max) = (one.min(other), one.max(other));
-        if !(min >= f64::from(lowest) && max <= f64::from(highest)) {
-            let why = format!("these are goals {min} to {max}, a servo takes {lowest} to {highest}");
-            return Err(self.wrong_at(place, &why));
-        }
-        if f64::from(zero) < min || f64::from(zero) > max {
-            let why = format!("these are goals {min} to {max}, which must include the zero, {zero}");
-            return Err(self.wrong_at(place, &why));
-        }
-        let home = match &entry.home {
-            None => f64::from(zero),
-            Some(home) => {
-                let goal = to_goal(*home.get_ref());
-                if !(min..=max).contains(&goal) {
-                    let why = format!("this is goal {goal}, the range is {min} to {max}");
-                    return Err(self.wrong(home, &why));
-                }
-                goal
-            }
-        };
-        let hz = f64::from(*self.file.servo_hz.get_ref());
-        let fine = f64::from(1 << FINE_BITS);
-        let most = f64::from(MAX_VELOCITY);
-        let speed = self.positive(&entry.max_speed, f64::MAX)?;
-        let velocity = (speed * scale / hz * fine).min(most);
-        if velocity < 1.0 {
-            let why = format!(
-                "too slow for a servo at {hz} Hz, expected at least {:.4} {unit}s/s",
-                hz / scale / fine
-            );
-            return Err(self.wrong(&entry.max_speed, &why));
-        }
-        let acceleration = match &entry.max_acceleration {
-            None => speed / DEFAULT_RISE,
-            Some(acceleration) => self.positive(acceleration, f64::MAX)?,
-        };
-        let acceleration = (acceleration * scale / (hz * hz) * fine).clamp(1.0, most);
-        let idle = match &entry.idle {
-            None => Idle::default(),
-            Some(spanned) => {
-                let entry = *spanned.get_ref();
-                let goals = |value: f64| {
-                    let goals = (sign * scale * value).round();
-                    let fits = goals.abs() <= max - min;
-                    let why = || format!("{value} {unit}s are more than the joint's range");
-                    fits.then_some(goals as i16).ok_or_else(|| self.wrong(spanned, &why()))
-                };
-                Idle {
-                    breathing: goals(entry.breathing)?,
-                    sway: goals(entry.sway)?,
-                    gaze: goals(entry.gaze)?,
-                }
-            }
-        };
-        let channel = u16::try_from(channel)
-            .map_err(|_| self.wrong(&entry.channel, "a clip has at most 65535 channels"))?;
-        let scale = I16F16::saturating_from_num(sign * scale);
-        if scale == I16F16::ZERO {
-            return Err(self.wrong(&entry.name, "the scale is too small for a servo to move"));
-        }
-        Ok(Joint {
-            channel,
-            bus,
-            id: *entry.id.get_ref(),
-            zero,
-            home: home as i32,
-            scale,
-            min: min as i32,
-            max: max as i32,
-            max_velocity: velocity as i32,
-            max_acceleration: acceleration as i32,
-            idle,
-        })
-    }
-
-    fn positive(&self, value: &Spanned<f64>, highest: f64) -> Result<f64> {
-        let found = *value.get_ref();
-        if found > 0.0 && found <= highest {
-            return Ok(found);
-        }
-        Err(self.wrong(value, &format!("found {found}, expected more than 0 and at most {highest}")))
-    }
-
     fn wrong<T>(&self, value: &Spanned<T>, why: &str) -> anyhow::Error {
         self.wrong_at(value.span(), why)
     }
@@ -362,7 +330,7 @@ impl Puppet {
 }
 
 /// `, line 12, key "id"`: where a byte range of the file is.
-fn place(text: &str, span: Range<usize>) -> String {
+pub(crate) fn place(text: &str, span: Range<usize>) -> String {
     let before = text.get(..span.start).unwrap_or(text);
     let number = before.matches('\n').count() + 1;
     let line = text.lines().nth(number - 1).unwrap_or_default();
@@ -397,6 +365,7 @@ pub(crate) fn no_channel(name: &str, skeleton: &Skeleton) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use decoder_core::I16F16;
     use std::fs;
 
     /// One joint, with these lines in it, on the embedded sample's skeleton.
@@ -546,6 +515,35 @@ mod tests {
         assert!(same_name.contains("line 10, key \"name\": another joint has this name"), "{same_name}");
         let same_id = twice(&ELBOW.replace("'elbow'", "'other'"));
         assert!(same_id.contains("line 12, key \"id\": joint \"elbow\" has id 3 as well"), "{same_id}");
+    }
+
+    #[test]
+    fn all_mistakes_are_told() {
+        let text = "servo_hz = 50\nbaud = 1\nease_speed = 2\n[[joint]]\nname = 'a'\nchannel = 'rradus.rx'\nid = 3\nrange = [-90, 10]\n\
+                    max_speed = -1\nmodel = 'XM999'\n[[joint]]\nname = 'a'\nchannel = 'rradius.rx'\nid = 3\nrange = [-200, 10]\nhome = 70\n\
+                    max_speed = 0.001\nidle = { gaze = 900 }\n";
+        let puppet = Puppet::parse(Path::new("puppet.toml"), text.to_owned()).unwrap();
+        let mistakes = puppet.check(&encoder::sample::clip().skeleton).unwrap_err();
+        let lines: Vec<String> = mistakes
+            .iter()
+            .map(|mistake| {
+                let text = format!("{mistake:#}");
+                text.split(", ").nth(1).unwrap().to_owned() + " " + text.split('"').nth(1).unwrap_or_default()
+            })
+            .collect();
+        let expected = [
+            "line 3 ease_speed",
+            "line 10 model",
+            "line 6 channel",
+            "line 9 max_speed",
+            "line 12 name",
+            "line 14 id",
+            "line 15 range",
+            "line 17 max_speed",
+            "line 18 idle",
+        ];
+        assert_eq!(lines, expected.map(|line| line.to_owned()), "{mistakes:#?}");
+        assert!(format!("{}", mistakes[1]).contains("XM430-W350"), "{}", mistakes[1]);
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! The servos that a `puppet.toml` names.
 
-use super::{BusConfig, ServoConfig};
+use super::{BusConfig, Deed, ServoConfig};
 use anyhow::{Context, ensure};
 use serde::Deserialize;
 use std::path::Path;
+use toml::Table;
 
 /// What servos need of a puppet; everything else in the file is for the player.
 #[derive(Deserialize)]
@@ -26,6 +27,53 @@ struct Joint {
 pub fn read(path: &Path) -> anyhow::Result<BusConfig> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     parse(&text).with_context(|| format!("{} does not describe servos", path.display()))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Happenings {
+    event: Vec<Table>,
+}
+
+/// Reads what is to happen to servos, with the time of each in microseconds: tables `[[event]]` with `at` (seconds) and
+/// `what`, one of `restart` (`servo`), `silence` (`servo`, `seconds`), `cut` (`seconds`) and `turn` (`servo`, `position`).
+///
+/// # Errors
+/// A sentence with the file and the event.
+pub fn read_events(path: &Path) -> anyhow::Result<Vec<(u64, Deed)>> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let events =
+        toml::from_str(&text).with_context(|| format!("{} does not describe events", path.display()));
+    let Happenings { event } = events?;
+    let timed = |(index, mut table): (usize, Table)| {
+        let context = || format!("{}: event {}", path.display(), index + 1);
+        let at = at(&mut table).with_context(context)?;
+        Ok(((at * 1e6) as u64, deed(table).with_context(context)?))
+    };
+    event.into_iter().enumerate().map(timed).collect()
+}
+
+/// Takes out when an event happens, in seconds.
+///
+/// # Errors
+/// A sentence where it does not say that.
+pub(crate) fn at(event: &mut Table) -> anyhow::Result<f64> {
+    let at = event.remove("at").context("expected `at`, in seconds")?;
+    let seconds = at.as_float().or(at.as_integer().map(|seconds| seconds as f64));
+    let seconds = seconds.filter(|seconds| (0.0..1e6).contains(seconds));
+    seconds.with_context(|| format!("`at` is {at}, expected seconds"))
+}
+
+/// What an event does to servos, without its time.
+///
+/// # Errors
+/// A sentence where it is none.
+pub(crate) fn deed(event: Table) -> anyhow::Result<Deed> {
+    let deed = event.try_into::<Deed>().map_err(|error| anyhow::anyhow!("{}", error.message()))?;
+    if let Deed::Silence { seconds, .. } | Deed::Cut { seconds } = deed {
+        ensure!((0.0..1e6).contains(&seconds), "`seconds` is {seconds}, expected 0 or more");
+    }
+    Ok(deed)
 }
 
 fn parse(text: &str) -> anyhow::Result<BusConfig> {
@@ -52,6 +100,33 @@ mod tests {
             config.servos,
             [ServoConfig::new(7), ServoConfig { min_position: 1000, ..ServoConfig::new(3) }]
         );
+    }
+
+    #[test]
+    fn events_have_a_time_and_say_what_they_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("events.toml");
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            read_events(&path).map_err(|error| format!("{error:#}"))
+        };
+        let events = read(
+            "[[event]]\nat = 1.5\nwhat = 'restart'\nservo = 3\n[[event]]\nat = 2\nwhat = 'cut'\nseconds = 0.1\n",
+        );
+        assert_eq!(
+            events.unwrap(),
+            [(1_500_000, Deed::Restart { servo: 3 }), (2_000_000, Deed::Cut { seconds: 0.1 })]
+        );
+        for (text, expected) in [
+            ("[[event]]\nwhat = 'cut'\nseconds = 1\n", "event 1: expected `at`"),
+            ("[[event]]\nat = -1\nwhat = 'cut'\nseconds = 1.0\n", "`at` is -1"),
+            ("[[event]]\nat = 1\nwhat = 'cut'\nseconds = -1.0\n", "`seconds` is -1"),
+            ("[[event]]\nat = 1\nwhat = 'explode'\n", "unknown variant `explode`"),
+            ("[[event]]\nat = 1\nwhat = 'cut'\nseconds = 1.0\nservo = 3\n", "unknown field `servo`"),
+        ] {
+            let error = read(text).unwrap_err();
+            assert!(error.contains("events.toml") && error.contains(expected), "{error}");
+        }
     }
 
     #[test]

@@ -25,5 +25,5 @@ mod servo;
 #[cfg(test)]
 mod tests;
 
-pub use bus::{Bus, BusConfig, ConfigError, Event};
+pub use bus::{Bus, BusConfig, ConfigError, Deed, Event, START_US};
 pub use servo::ServoConfig;

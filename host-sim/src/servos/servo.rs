@@ -188,6 +188,19 @@ impl Servo {
         Ok(())
     }
 
+    /// Where the shaft is, in goal units.
+    pub fn position(&self) -> i32 {
+        self.motion.position.round() as i32
+    }
+
+    /// Somebody turns the shaft; a motor that holds does not let them.
+    pub fn turn(&mut self, position: i32) {
+        if !self.torque() {
+            self.motion.position = f64::from(position);
+            self.publish();
+        }
+    }
+
     /// Lets time pass until `now_us`.
     pub fn advance_to(&mut self, now_us: u64) {
         while self.now_us + STEP_US <= now_us {

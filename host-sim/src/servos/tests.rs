@@ -1,6 +1,6 @@
 //! What the servos do on the wire, seen from a client.
 
-use super::{Bus, BusConfig, ConfigError, Event, ServoConfig};
+use super::{Bus, BusConfig, ConfigError, Deed, Event, START_US, ServoConfig};
 use firmware::dynamixel::instruction::ALERT;
 use firmware::dynamixel::table::*;
 use firmware::dynamixel::{
@@ -477,4 +477,42 @@ fn no_bytes_stop_the_bus() {
     client.wait_ms(10);
     client.raw(&[]);
     assert_eq!(client.send(BROADCAST_ID, Instruction::Ping, &[]).len(), 3);
+}
+
+#[test]
+fn what_happens_from_outside_happens_at_its_time() {
+    let mut client = Client::new(&[1, 2]);
+    let turn = |servo, position| Deed::Turn { servo, position };
+    for (at_us, deed) in [
+        (1_000_000, turn(1, 1000)),
+        (2_000_000, Deed::Silence { servo: 2, seconds: 0.5 }),
+        (3_000_000, Deed::Cut { seconds: 0.1 }),
+        (4_000_000, turn(1, 3000)),
+        (5_000_000, Deed::Restart { servo: 1 }),
+    ] {
+        client.bus.schedule(at_us, deed).unwrap();
+    }
+    assert_eq!(client.bus.schedule(0, turn(3, 0)), Err(ConfigError::Absent(3)));
+    let ids = |client: &mut Client| {
+        client.send(BROADCAST_ID, Instruction::Ping, &[]).into_iter().map(|(id, ..)| id).collect::<Vec<_>>()
+    };
+    assert_eq!((client.read(1, PRESENT_POSITION), ids(&mut client)), (2048, vec![1, 2]));
+    client.now_us = 1_000_000;
+    assert_eq!(client.read(1, PRESENT_POSITION), 1000);
+    client.now_us = 2_499_999;
+    assert_eq!(ids(&mut client), [1]);
+    assert_eq!(client.bus.position(2), Some(2048));
+    client.now_us = 2_500_000;
+    assert_eq!(ids(&mut client), [1, 2]);
+    client.now_us = 3_099_999;
+    assert!(ids(&mut client).is_empty());
+    client.now_us = 3_100_000;
+    // What holds is not turned, and what has restarted does not hold.
+    assert_eq!(client.write(1, TORQUE_ENABLE, 1), 0);
+    client.now_us = 4_100_000;
+    assert_eq!(client.read(1, PRESENT_POSITION), 1000);
+    client.now_us = 5_000_000 + START_US - 1;
+    assert_eq!(ids(&mut client), [2]);
+    client.now_us += 1;
+    assert_eq!(client.read(1, TORQUE_ENABLE), 0);
 }

@@ -8,4 +8,5 @@ mod servos1;
 mod servos2;
 mod session;
 mod tick;
+mod whole;
 mod wire;

@@ -451,7 +451,7 @@ fn joint(asked: Vec<Asked<'_>>, list: &[(u8, u16, u16)]) -> Vec<(u64, Vec<u8>)> 
 }
 
 /// Makes length and checksum, of a joint answer all checksums, right again.
-fn seal(packet: &mut [u8]) {
+pub fn seal(packet: &mut [u8]) {
     let len = packet.len();
     if len < 10 {
         return;

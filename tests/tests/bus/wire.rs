@@ -79,6 +79,8 @@ struct State<S> {
     /// Each packet so far, and whether a servo sent it.
     packets: Vec<(bool, Vec<u8>)>,
     fault: Option<(usize, Fault)>,
+    /// When the fault happened.
+    struck: Option<u64>,
     stuck_until: u64,
     broken: bool,
     zero_at: u64,
@@ -111,6 +113,7 @@ impl<S: Servos> State<S> {
         self.packets.push((from_servo, packet.to_vec()));
         let whole = packet.to_vec();
         let Some((_, fault)) = self.fault.filter(|(at, _)| *at == position) else { return vec![(0, whole)] };
+        self.struck = Some(self.now);
         let (id, length) = self.servos.places();
         let mut changed = whole.clone();
         match fault {
@@ -224,6 +227,7 @@ impl<S: Servos> Wire<S> {
             reads: 0,
             packets: Vec::new(),
             fault: None,
+            struck: None,
             stuck_until: 0,
             broken: false,
             zero_at: 0,
@@ -254,6 +258,11 @@ impl<S: Servos> Wire<S> {
 
     pub fn now_us(&self) -> u64 {
         self.0.borrow().now / 1000
+    }
+
+    /// When the fault happened, if it has.
+    pub fn struck_us(&self) -> Option<u64> {
+        self.0.borrow().struck.map(|nanos| nanos / 1000)
     }
 
     /// Packets of both directions so far, as they were sent, and whether a servo sent them.

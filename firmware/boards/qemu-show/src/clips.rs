@@ -1,0 +1,59 @@
+//! The linked-in clips, each with a decoder of its own.
+
+use decoder_core::mclip::{self, State};
+use decoder_core::predict::Correlation;
+use decoder_core::{Error, I16F16, Limits, qmd};
+use firmware::voice::Frames;
+use heapless::Vec;
+
+include!(concat!(env!("OUT_DIR"), "/clips.rs"));
+
+/// What a decoder is lent: enough for the clip that needs most.
+pub struct Memory {
+    pose: [I16F16; CHANNELS],
+    states: [State; CHANNELS],
+    correlations: [Correlation; CORRELATIONS],
+    words: [u16; WORDS],
+    table: [i32; TABLE],
+}
+
+impl Memory {
+    pub const EMPTY: Self = Self {
+        pose: [I16F16::ZERO; CHANNELS],
+        states: [State::EMPTY; CHANNELS],
+        correlations: [Correlation::EMPTY; CORRELATIONS],
+        words: [0; WORDS],
+        table: [0; TABLE],
+    };
+}
+
+/// A clip before its first frame.
+#[allow(clippy::large_enum_variant, reason = "there are few, and nowhere to box them")]
+pub enum Decoder<'s> {
+    Qmd(qmd::Decoder<'static, 's>),
+    Mclip(mclip::Decoder<'static, 's>),
+}
+
+impl<'s> Decoder<'s> {
+    pub fn frames(&mut self) -> &mut (dyn Frames + 's) {
+        match self {
+            Self::Qmd(decoder) => decoder,
+            Self::Mclip(decoder) => decoder,
+        }
+    }
+}
+
+/// Opens all clips; those in blocks are checked with all their blocks, so that none has to be while it plays.
+pub fn open(memories: &mut [Memory; COUNT]) -> Result<Vec<Decoder<'_>, COUNT>, Error> {
+    FILES.iter().zip(memories).map(|(file, memory)| one(file, memory)).collect()
+}
+
+fn one<'s>(file: &'static [u8], memory: &'s mut Memory) -> Result<Decoder<'s>, Error> {
+    let Memory { pose, states, correlations, words, table } = memory;
+    if file.starts_with(&mclip::MAGIC) {
+        let clip = mclip::Clip::parse(file, Limits::MAX)?.verify()?;
+        return Ok(Decoder::Mclip(clip.decoder(mclip::Memory { pose, states, correlations, words })?));
+    }
+    let clip = qmd::Clip::parse(file, Limits::MAX)?;
+    Ok(Decoder::Qmd(clip.decoder(pose, Some(table))?))
+}

@@ -1,0 +1,255 @@
+//! `bunraku puppet scan`.
+
+use anyhow::{Result, anyhow, bail};
+use firmware::bus::{
+    BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE, Reading,
+};
+use firmware::map::{BusKind, BusSpec};
+use host_sim::ports::{self, Identity, SerialBus};
+use host_sim::puppet::{Named, Puppet, models};
+use serde::Serialize;
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::str::FromStr;
+
+/// Find the servos on a serial port: model, id, firmware, position, temperature, supply and errors of each.
+///
+/// Writes nothing to any servo. With a puppet it also says which of its servos are missing, which have another model,
+/// and which there are too many; it then exits with 1.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  bunraku puppet scan --on /dev/ttyUSB0 --puppet puppets/cmu-12.toml\n  \
+    bunraku puppet scan --on /dev/ttyUSB0 --baud 57600,1000000,3000000\n  \
+    bunraku puppet scan --on /dev/ttyACM0 --kind sts --ids 1-20")]
+pub struct Args {
+    /// The serial port (NAME=PORT,NAME=PORT for a puppet with several buses).
+    #[arg(long, value_name = "PORT")]
+    on: String,
+    /// The puppet whose servos should be there.
+    #[arg(long, value_name = "PUPPET.toml")]
+    puppet: Option<PathBuf>,
+    /// What the servos speak: dynamixel, dynamixel1, sts or scs; the puppet's unless given.
+    #[arg(long, conflicts_with = "puppet", value_parser = kind)]
+    kind: Option<BusKind>,
+    /// Rates to try, separated by commas; the puppet's unless given, else 57600 and 1000000.
+    #[arg(long, value_name = "B,B", value_delimiter = ',')]
+    baud: Vec<u32>,
+    /// Ids to ask one by one; 0 to 253 unless given, or, of Dynamixel 2.0, all at once and those of the puppet.
+    #[arg(long, value_name = "A-B")]
+    ids: Option<Ids>,
+    /// Report as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone)]
+struct Ids(RangeInclusive<u8>);
+
+impl FromStr for Ids {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (first, last) = text.split_once('-').unwrap_or((text, text));
+        match (first.parse(), last.parse()) {
+            (Ok(first), Ok(last)) if first <= last && last <= 253 => Ok(Self(first..=last)),
+            _ => Err("expected an id or a range of ids up to 253, for instance 1-20".to_owned()),
+        }
+    }
+}
+
+fn kind(text: &str) -> Result<BusKind, String> {
+    let kinds = [BusKind::Dynamixel, BusKind::Dynamixel1, BusKind::Sts, BusKind::Scs];
+    let names = kinds.map(ports::name).join(", ");
+    kinds
+        .into_iter()
+        .find(|&kind| ports::name(kind) == text)
+        .ok_or_else(|| format!("expected one of {names}"))
+}
+
+/// A bus to look at.
+struct Wanted {
+    spec: BusSpec,
+    path: String,
+    bauds: Vec<u32>,
+    servos: Vec<Named>,
+}
+
+#[derive(Serialize)]
+struct Found {
+    port: String,
+    kind: &'static str,
+    baud: u32,
+    id: u8,
+    joint: Option<String>,
+    model: u16,
+    model_name: String,
+    firmware: u16,
+    position: Option<i32>,
+    celsius: Option<u8>,
+    volts: Option<f64>,
+    torque: Option<bool>,
+    errors: Vec<&'static str>,
+}
+
+pub fn run(args: Args) -> Result<ExitCode> {
+    let (mut found, mut amiss) = (Vec::new(), Vec::new());
+    for wanted in wanted(&args)? {
+        let mut here: Vec<Found> = Vec::new();
+        for &baud in &wanted.bauds {
+            let spec = BusSpec { baud, ..wanted.spec };
+            let mut bus = SerialBus::open(spec, &wanted.path)?;
+            for (id, identity) in who(&mut bus, &wanted, args.ids.as_ref())? {
+                here.push(look(&mut bus, &wanted, baud, id, identity));
+            }
+        }
+        if args.puppet.is_some() {
+            compare(&wanted, &here, &mut amiss);
+        }
+        found.extend(here);
+    }
+    if args.json {
+        println!("{:#}", serde_json::json!({ "servos": found, "amiss": amiss }));
+    } else {
+        print(&found);
+        amiss.iter().for_each(|sentence| println!("{sentence}"));
+    }
+    let good = amiss.is_empty() && !found.is_empty();
+    Ok(if good { ExitCode::SUCCESS } else { ExitCode::from(crate::FAILED) })
+}
+
+fn wanted(args: &Args) -> Result<Vec<Wanted>> {
+    let Some(path) = &args.puppet else {
+        let bauds = if args.baud.is_empty() { vec![57_600, 1_000_000] } else { args.baud.clone() };
+        let spec = BusSpec { kind: args.kind.unwrap_or(BusKind::Dynamixel), baud: bauds[0] };
+        return Ok(vec![Wanted { spec, path: args.on.clone(), bauds, servos: Vec::new() }]);
+    };
+    let puppet = Puppet::read(path)?;
+    let (specs, servos) = (puppet.bus_specs()?, puppet.servos()?);
+    let names = puppet.bus_names();
+    let readable: Vec<usize> = (0..specs.len()).filter(|&index| specs[index].kind.reads()).collect();
+    if readable.is_empty() {
+        bail!("{} has no bus whose servos can be read", path.display());
+    }
+    let paths =
+        ports::paths(&args.on, &readable.iter().map(|&index| names[index].clone()).collect::<Vec<_>>())?;
+    let wanted = readable.into_iter().zip(paths).map(|(index, path)| Wanted {
+        spec: specs[index],
+        path,
+        bauds: if args.baud.is_empty() { vec![specs[index].baud] } else { args.baud.clone() },
+        servos: servos.iter().filter(|servo| servo.bus == index).cloned().collect(),
+    });
+    Ok(wanted.collect())
+}
+
+/// Who answers, by id.
+fn who(bus: &mut SerialBus, wanted: &Wanted, ids: Option<&Ids>) -> Result<Vec<(u8, Identity)>> {
+    let failed = |error: BusError| anyhow!("{}: {error}", wanted.path);
+    let mut found = Vec::new();
+    let asked: Vec<u8> = match ids {
+        Some(Ids(ids)) => ids.clone().collect(),
+        None if wanted.spec.kind == BusKind::Dynamixel => {
+            found = ports::run(bus.identify_all()).map_err(failed)?;
+            // Where two answer at once, neither is heard.
+            wanted.servos.iter().map(|servo| servo.id).collect()
+        }
+        None => (0..=253).collect(),
+    };
+    for id in asked {
+        if found.iter().any(|(there, _)| *there == id) {
+            continue;
+        }
+        match ports::run(bus.identify(id)) {
+            Ok(identity) => found.push((id, identity)),
+            Err(BusError::Port) => return Err(failed(BusError::Port)),
+            Err(_) => {}
+        }
+    }
+    found.sort_by_key(|(id, _)| *id);
+    Ok(found)
+}
+
+fn look(bus: &mut SerialBus, wanted: &Wanted, baud: u32, id: u8, identity: Identity) -> Found {
+    // One that said who it is also says where it is, though an answer may be lost.
+    let reading = (0..3).find_map(|_| ports::run(bus.look(id)).ok());
+    let joint = wanted.servos.iter().find(|servo| servo.id == id).map(|servo| servo.name.clone());
+    Found {
+        port: wanted.path.clone(),
+        kind: ports::name(wanted.spec.kind),
+        baud,
+        id,
+        joint,
+        model: identity.model,
+        model_name: models::name(identity.model),
+        firmware: identity.firmware,
+        position: reading.map(|reading| reading.position),
+        celsius: reading.and_then(|reading| reading.temperature),
+        volts: reading.and_then(|reading| reading.millivolts).map(|millivolts| f64::from(millivolts) / 1e3),
+        torque: reading.and_then(|reading| reading.torque),
+        errors: reading.as_ref().map(errors).unwrap_or_default(),
+    }
+}
+
+fn errors(reading: &Reading) -> Vec<&'static str> {
+    let names = [
+        (ERROR_VOLTAGE, "supply"),
+        (ERROR_HEAT, "heat"),
+        (ERROR_ENCODER, "encoder"),
+        (ERROR_SHOCK, "shock"),
+        (ERROR_OVERLOAD, "overload"),
+        (ERROR_ALERT, "alert"),
+    ];
+    names.into_iter().filter(|(bit, _)| reading.hardware_error & bit != 0).map(|(_, name)| name).collect()
+}
+
+/// What is not as the puppet says.
+fn compare(wanted: &Wanted, found: &[Found], amiss: &mut Vec<String>) {
+    for servo in &wanted.servos {
+        let named = format!("servo {} (\"{}\") on {}", servo.id, servo.name, wanted.path);
+        let Some(there) = found.iter().find(|there| there.id == servo.id) else {
+            amiss.push(format!("{named} does not answer"));
+            continue;
+        };
+        if let Some(model) = servo.model.filter(|&model| model != there.model) {
+            amiss.push(format!("{named} is {}, expected {}", there.model_name, models::name(model)));
+        }
+        if let Some(why) = models::unfit(wanted.spec.kind, there.model) {
+            amiss.push(format!("{named} is {}: {why}", there.model_name));
+        }
+        if there.baud != wanted.spec.baud {
+            amiss.push(format!("{named} answers at {} baud, expected {}", there.baud, wanted.spec.baud));
+        }
+    }
+    for there in found.iter().filter(|there| there.joint.is_none()) {
+        let who = format!("a {} with the id {} is on {}", there.model_name, there.id, wanted.path);
+        amiss.push(format!("{who}, and no joint has that id"));
+    }
+}
+
+fn print(found: &[Found]) {
+    if found.is_empty() {
+        println!("no servo answers");
+        return;
+    }
+    let width = found.iter().filter_map(|servo| servo.joint.as_ref()).map(|name| name.chars().count()).max();
+    let width = width.unwrap_or(1).max(5);
+    println!(
+        " id  {:width$}  {:14}  {:>8}  {:>8}  {:>8}  {:>6}  {:>6}  {:6}  errors",
+        "joint", "model", "firmware", "baud", "position", "temp", "supply", "torque"
+    );
+    for servo in found {
+        let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
+        println!(
+            "{:>3}  {:width$}  {:14}  {:>8}  {:>8}  {:>8}  {:>6}  {:>6}  {:6}  {}",
+            servo.id,
+            servo.joint.as_deref().unwrap_or("-"),
+            servo.model_name,
+            servo.firmware,
+            servo.baud,
+            or_dash(servo.position.map(|position| position.to_string())),
+            or_dash(servo.celsius.map(|celsius| format!("{celsius} °C"))),
+            or_dash(servo.volts.map(|volts| format!("{volts:.1} V"))),
+            or_dash(servo.torque.map(|on| if on { "on" } else { "off" }.to_owned())),
+            if servo.errors.is_empty() { "none".to_owned() } else { servo.errors.join(", ") },
+        );
+    }
+}

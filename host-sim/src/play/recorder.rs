@@ -1,0 +1,154 @@
+//! Virtual servos on a line, and what they are told.
+
+use super::{Recording, Taken, seconds};
+use crate::puppet::Map;
+use crate::servos::{Bus, BusConfig, ConfigError, Deed, Event, ServoConfig};
+use anyhow::{Result, bail};
+use firmware::dynamixel::table::GOAL_POSITION;
+use firmware::dynamixel::{Framer, Instruction, Packet};
+use firmware::map::BusKind;
+
+/// Longest packet of a player with 32 servos.
+const LONGEST: usize = 640;
+
+/// Virtual servos on a line where each packet of goal positions is one tick, whenever it arrives. What is answered comes at
+/// the end of the tick.
+pub(crate) struct Recorder<'m> {
+    map: &'m Map,
+    servos: Bus,
+    framer: Framer<LONGEST>,
+    /// The bytes of the packet that is not yet whole.
+    packet: Vec<u8>,
+    recording: Recording,
+    /// What went wrong first.
+    fault: Option<String>,
+    /// Whether servos may refuse, and miss goals.
+    disturbed: bool,
+    /// Whether the last packet was a read of one servo that nobody answered.
+    unanswered: bool,
+}
+
+impl<'m> Recorder<'m> {
+    /// A servo for every joint, at the joint's zero.
+    pub(crate) fn new(map: &'m Map) -> Result<Self> {
+        if map.buses().iter().any(|bus| bus.kind != BusKind::Dynamixel) || map.buses().len() != 1 {
+            bail!("the virtual servos are Dynamixel X on one bus, and this puppet has others");
+        }
+        let servos = map
+            .joints()
+            .iter()
+            .map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
+        let config = BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) };
+        Ok(Self {
+            map,
+            servos: Bus::new(&config)?,
+            framer: Framer::new(),
+            packet: Vec::new(),
+            recording: Recording::default(),
+            fault: None,
+            disturbed: false,
+            unanswered: false,
+        })
+    }
+
+    /// Has something happen to the servos at a tick; what they refuse and miss is no failure of the recording then.
+    pub(crate) fn schedule(&mut self, tick: u32, deed: Deed) -> Result<(), ConfigError> {
+        self.disturbed = true;
+        self.servos.schedule(self.map.tick_micros(tick), deed)
+    }
+
+    /// Lets servos refuse and miss goals, and packets be garbled.
+    pub(crate) const fn bear_all(&mut self) {
+        self.disturbed = true;
+    }
+
+    /// Takes what came of a packet; what is then not whole will not be.
+    pub(crate) fn receive_packet(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut answers = self.receive(bytes);
+        if !self.packet.is_empty() {
+            self.framer.clear();
+            answers.extend(self.pass_on());
+        }
+        answers
+    }
+
+    /// Ticks so far.
+    pub(crate) const fn ticks(&self) -> u32 {
+        self.recording.ticks
+    }
+
+    /// Takes bytes off the line and gives what the servos answer.
+    pub(crate) fn receive(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut answers = Vec::new();
+        for byte in bytes {
+            self.packet.push(*byte);
+            let (goals, read) = match self.framer.feed(&mut std::slice::from_ref(byte)) {
+                None => continue,
+                Some(Ok(packet)) => (is_tick(&packet), packet.instruction == Instruction::Read as u8),
+                Some(Err(_)) if self.disturbed => (false, false),
+                Some(Err(error)) => {
+                    self.fault.get_or_insert_with(|| format!("noise on the servo bus: {error}"));
+                    (false, false)
+                }
+            };
+            // While no servo answers, none is told its goal, and one of them is asked each tick.
+            let silent = read && self.unanswered;
+            if goals || silent {
+                self.look();
+            }
+            self.recording.ticks += u32::from(silent);
+            let answer = self.pass_on();
+            self.unanswered = read && answer.is_empty();
+            answers.extend(answer);
+            self.recording.ticks += u32::from(goals);
+        }
+        answers
+    }
+
+    /// Notes where the servos are.
+    fn look(&mut self) {
+        let Self { map, servos, recording, .. } = self;
+        servos.advance_to(map.tick_micros(recording.ticks));
+        let present = map.joints().iter().map(|joint| servos.position(joint.id).unwrap_or(joint.zero));
+        recording.present.push(present.collect());
+    }
+
+    /// Gives the servos the packet.
+    fn pass_on(&mut self) -> Vec<u8> {
+        let Self { map, servos, packet, recording, fault, disturbed, .. } = self;
+        let time_us = map.tick_micros(recording.ticks);
+        let mut tap = |event| match event {
+            Event::Goal { id, position, .. } => recording.goals.push(Taken { time_us, id, position }),
+            Event::Refused { .. } if *disturbed => recording.refused += 1,
+            Event::Refused { id, error, .. } => {
+                fault.get_or_insert_with(|| {
+                    format!("servo {id} refused what it was told at {} s: {error:?}", seconds(time_us))
+                });
+            }
+        };
+        let answers = servos.receive(packet, time_us, &mut tap);
+        packet.clear();
+        answers
+    }
+
+    /// What was recorded, if it arrived whole.
+    pub(crate) fn finish(self) -> Result<Recording> {
+        if let Some(fault) = self.fault {
+            bail!(fault);
+        }
+        if !self.packet.is_empty() {
+            bail!("the last packet on the servo bus was cut after {} bytes", self.packet.len());
+        }
+        let (ticks, goals) = (self.recording.ticks, self.recording.goals.len());
+        let expected = ticks as usize * self.map.joints().len();
+        if !self.disturbed && goals != expected {
+            bail!("the servos took {goals} goals in {ticks} ticks, expected {expected}");
+        }
+        Ok(self.recording)
+    }
+}
+
+fn is_tick(packet: &Packet<'_>) -> bool {
+    packet.instruction == Instruction::SyncWrite as u8
+        && packet.parameters.starts_with(&GOAL_POSITION.address.to_le_bytes())
+}

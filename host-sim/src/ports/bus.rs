@@ -1,0 +1,282 @@
+//! The servo bus of any protocol on a serial port.
+
+use super::serial::{RealTime, Serial};
+use crate::puppet::Map;
+use anyhow::{Result, bail};
+use firmware::blender::BlenderBus;
+use firmware::bus::port::{Automatic, Line, Port};
+use firmware::bus::{Both, BusError, Goal, Reading, ServoBus};
+use firmware::dynamixel::DynamixelBus;
+use firmware::feetech::{FeetechBus, Series};
+use firmware::map::{BusKind, BusSpec, MAX_BUSES};
+use firmware::protocol1::Protocol1Bus;
+use firmware::{dynamixel, protocol1};
+
+/// What a USB adapter and an operating system may be late, in microseconds: 16 ms are the usual latency timer.
+pub const SLACK_US: u32 = 20_000;
+
+/// Longest that servos wait before they answer as they leave the factory, in microseconds.
+pub const RETURN_DELAY_US: u32 = 500;
+
+/// A bus on a serial port.
+pub enum SerialBus {
+    /// Dynamixel protocol 2.0.
+    Dynamixel(Box<DynamixelBus<Serial, Automatic, RealTime>>),
+    /// Dynamixel protocol 1.0.
+    Dynamixel1(Box<Protocol1Bus<Serial, Automatic, RealTime>>),
+    /// Feetech STS or SCS.
+    Feetech(Box<FeetechBus<Serial, Automatic, RealTime>>, Series),
+    /// Blender Servo Animation's live frames.
+    Blender(Box<BlenderBus<Serial, RealTime>>),
+    /// No bus, with no servos.
+    None,
+}
+
+/// The buses of a puppet as one.
+pub type Buses = Both<Both<SerialBus, SerialBus>, Both<SerialBus, SerialBus>>;
+
+/// Who a servo says it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Identity {
+    /// Model number.
+    pub model: u16,
+    /// Version of its firmware; of a Feetech servo, 100 times its first number and its second.
+    pub firmware: u16,
+}
+
+impl SerialBus {
+    /// Opens `path` for a bus of this kind.
+    ///
+    /// # Errors
+    /// A sentence where the kind has no serial port, or the port cannot be opened.
+    pub fn open(spec: BusSpec, path: &str) -> Result<Self> {
+        let BusSpec { kind, baud } = spec;
+        if matches!(kind, BusKind::Pwm | BusKind::Pca9685) {
+            bail!("servos on {} hang on a board's pins, not on a serial port", name(kind));
+        }
+        let serial = Serial::open(path, baud)?;
+        if kind == BusKind::Blender {
+            return Ok(Self::Blender(Box::new(BlenderBus::new(serial, RealTime, baud))));
+        }
+        let line = Line { slack_us: SLACK_US, return_delay_us: RETURN_DELAY_US, ..Line::uart(baud) };
+        let port = Port::new(serial, Automatic, RealTime, line);
+        Ok(match kind {
+            BusKind::Dynamixel1 => {
+                Self::Dynamixel1(Box::new(Protocol1Bus::new(protocol1::Client::new(port))))
+            }
+            BusKind::Sts | BusKind::Scs => {
+                let series = if kind == BusKind::Sts { Series::Sts } else { Series::Scs };
+                Self::Feetech(Box::new(FeetechBus::new(protocol1::Client::new(port), series)), series)
+            }
+            _ => Self::Dynamixel(Box::new(DynamixelBus::new(dynamixel::Client::new(port)))),
+        })
+    }
+
+    /// Asks a servo who it is; changes nothing in it.
+    ///
+    /// # Errors
+    /// [`BusError::NoReply`] where there is none, [`BusError::Unsupported`] where servos cannot be read.
+    pub async fn identify(&mut self, id: u8) -> Result<Identity, BusError> {
+        match self {
+            Self::Dynamixel(bus) => {
+                let ping = bus.client().ping(id).await?;
+                Ok(Identity { model: ping.model, firmware: ping.firmware.into() })
+            }
+            // Model (2 bytes), firmware, id.
+            Self::Dynamixel1(bus) => {
+                let mut data = [0; 4];
+                bus.client().read(id, 0, &mut data).await?;
+                let [low, high, firmware, own] = data;
+                let identity = Identity { model: u16::from_le_bytes([low, high]), firmware: firmware.into() };
+                if own == id { Ok(identity) } else { Err(BusError::Corrupt) }
+            }
+            // Firmware (2 bytes), byte order, model (2 bytes), id.
+            Self::Feetech(bus, _) => {
+                let mut data = [0; 6];
+                bus.client().read(id, 0, &mut data).await?;
+                let [major, minor, _, low, high, own] = data;
+                let firmware = u16::from(major) * 100 + u16::from(minor);
+                let identity = Identity { model: u16::from_le_bytes([low, high]), firmware };
+                if own == id { Ok(identity) } else { Err(BusError::Corrupt) }
+            }
+            Self::Blender(_) | Self::None => Err(BusError::Unsupported),
+        }
+    }
+
+    /// Asks all servos at once who they are, where the protocol can: gives those that answered.
+    ///
+    /// # Errors
+    /// [`BusError`].
+    pub async fn identify_all(&mut self) -> Result<Vec<(u8, Identity)>, BusError> {
+        let mut found = Vec::new();
+        if let Self::Dynamixel(bus) = self {
+            let each = |id, ping: dynamixel::client::Ping| {
+                found.push((id, Identity { model: ping.model, firmware: ping.firmware.into() }));
+            };
+            bus.client().broadcast_ping(each).await?;
+        }
+        Ok(found)
+    }
+
+    /// Reads one servo; writes nothing to it.
+    ///
+    /// # Errors
+    /// [`BusError`].
+    pub async fn look(&mut self, id: u8) -> Result<Reading, BusError> {
+        if let Self::Dynamixel(bus) = self {
+            return look_at_dynamixel(bus, id).await;
+        }
+        let mut readings = [None];
+        self.read_all(&[id], &mut readings).await?;
+        let [reading] = readings;
+        reading.ok_or(BusError::NoReply)
+    }
+}
+
+/// As [`SerialBus::look`], without the indirect addresses that a player sets up.
+async fn look_at_dynamixel(
+    bus: &mut DynamixelBus<Serial, Automatic, RealTime>,
+    id: u8,
+) -> Result<Reading, BusError> {
+    use dynamixel::table::*;
+    const START: Register = TORQUE_ENABLE;
+    const LEN: usize = (PRESENT_TEMPERATURE.address - START.address) as usize + 1;
+    let mut data = [0; LEN];
+    bus.client().read(id, START.address, &mut data).await?;
+    let value = |register: Register| {
+        let at = usize::from(register.address - START.address);
+        let bytes = data.iter().skip(at).take(register.len.into()).rev();
+        bytes.fold(0u32, |value, &byte| value << 8 | u32::from(byte))
+    };
+    Ok(Reading {
+        position: value(PRESENT_POSITION) as i32,
+        temperature: Some(value(PRESENT_TEMPERATURE) as u8),
+        millivolts: Some(value(PRESENT_INPUT_VOLTAGE) as u16 * 100),
+        load: Some(value(PRESENT_CURRENT) as i16),
+        hardware_error: value(HARDWARE_ERROR_STATUS) as u8,
+        torque: Some(value(TORQUE_ENABLE) != 0),
+    })
+}
+
+/// Calls the bus that there is; `$absent` where there is none.
+macro_rules! served {
+    ($self:expr, $bus:ident => $call:expr, $absent:expr) => {
+        match $self {
+            SerialBus::Dynamixel($bus) => $call,
+            SerialBus::Dynamixel1($bus) => $call,
+            SerialBus::Feetech($bus, _) => $call,
+            SerialBus::Blender($bus) => $call,
+            SerialBus::None => $absent,
+        }
+    };
+}
+
+impl ServoBus for SerialBus {
+    fn reads(&self, index: usize) -> bool {
+        served!(self, bus => bus.reads(index), false)
+    }
+
+    async fn ping(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
+        served!(self, bus => bus.ping(ids, index).await, Err(BusError::TooMany))
+    }
+
+    async fn set_torque(&mut self, ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
+        served!(self, bus => bus.set_torque(ids, index, on).await, Err(BusError::TooMany))
+    }
+
+    async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
+        served!(self, bus => bus.write_goals(goals).await, Ok(()))
+    }
+
+    async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
+        served!(self, bus => bus.read_all(ids, readings).await, Ok(()))
+    }
+
+    async fn reboot(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
+        served!(self, bus => bus.reboot(ids, index).await, Err(BusError::TooMany))
+    }
+
+    async fn set_watchdog(&mut self, ids: &[u8], millis: u16) -> Result<(), BusError> {
+        served!(self, bus => bus.set_watchdog(ids, millis).await, Err(BusError::Unsupported))
+    }
+}
+
+/// A kind of bus as puppet.toml names it.
+pub const fn name(kind: BusKind) -> &'static str {
+    match kind {
+        BusKind::Dynamixel => "dynamixel",
+        BusKind::Dynamixel1 => "dynamixel1",
+        BusKind::Sts => "sts",
+        BusKind::Scs => "scs",
+        BusKind::Pwm => "pwm",
+        BusKind::Pca9685 => "pca9685",
+        BusKind::Blender => "blender",
+    }
+}
+
+/// Which port each bus of a puppet is on: `PORT`, or `NAME=PORT,NAME=PORT` for several.
+///
+/// # Errors
+/// A sentence where a bus has no port, or a name no bus.
+pub fn paths(on: &str, buses: &[String]) -> Result<Vec<String>> {
+    if let ([_], false) = (buses, on.contains('=')) {
+        return Ok(vec![on.to_owned()]);
+    }
+    let mut paths = vec![None; buses.len()];
+    for part in on.split(',') {
+        let expected = || buses.iter().map(|bus| format!("{bus}=PORT")).collect::<Vec<_>>().join(",");
+        let Some((name, path)) = part.split_once('=') else {
+            bail!("the puppet has {} buses, expected --on {}", buses.len(), expected());
+        };
+        match buses.iter().position(|bus| bus == name) {
+            Some(index) => paths[index] = Some(path.to_owned()),
+            None => bail!("the puppet has no bus \"{name}\", expected --on {}", expected()),
+        }
+    }
+    let missing = buses.iter().zip(&paths).find(|(_, path)| path.is_none());
+    if let Some((bus, _)) = missing {
+        bail!("--on says no port for the bus \"{bus}\"");
+    }
+    Ok(paths.into_iter().flatten().collect())
+}
+
+/// Opens all buses of a puppet, each at its path.
+///
+/// # Errors
+/// Those of [`SerialBus::open`].
+pub fn open(map: &Map, paths: &[String]) -> Result<Buses> {
+    let mut buses = Vec::new();
+    for (spec, path) in map.buses().iter().zip(paths) {
+        buses.push(SerialBus::open(*spec, path)?);
+    }
+    buses.resize_with(MAX_BUSES, || SerialBus::None);
+    let count = |bus: u8| map.joints().iter().filter(|joint| joint.bus == bus).count();
+    let Ok([first, second, third, fourth]) = <[SerialBus; MAX_BUSES]>::try_from(buses) else {
+        bail!("a puppet has at most {MAX_BUSES} buses");
+    };
+    let (one, other) = (Both::new(first, second, count(0)), Both::new(third, fourth, count(2)));
+    Ok(Both::new(one, other, count(0) + count(1)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ports_are_found_by_the_names_of_buses() {
+        let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
+        let found = |on: &str, buses: &[&str]| paths(on, &names(buses)).map_err(|error| error.to_string());
+        assert_eq!(found("/dev/ttyUSB0", &["bus"]), Ok(names(&["/dev/ttyUSB0"])));
+        assert_eq!(found("face=b,arm=a", &["arm", "face"]), Ok(names(&["a", "b"])));
+        let error = found("a", &["arm", "face"]).unwrap_err();
+        assert_eq!(error, "the puppet has 2 buses, expected --on arm=PORT,face=PORT");
+        assert_eq!(found("arm=a", &["arm", "face"]).unwrap_err(), "--on says no port for the bus \"face\"");
+        assert!(found("leg=a", &["arm", "face"]).unwrap_err().contains("no bus \"leg\""));
+    }
+
+    #[test]
+    fn pins_are_no_port() {
+        let error = SerialBus::open(BusSpec { kind: BusKind::Pwm, baud: 50 }, "/dev/null").err().unwrap();
+        assert!(error.to_string().contains("pwm"), "{error}");
+    }
+}

@@ -1,0 +1,9 @@
+//! Real ports: the firmware's bus clients on serial ports of this machine, in real time.
+
+mod bus;
+mod live;
+mod serial;
+
+pub use bus::{Buses, Identity, RETURN_DELAY_US, SLACK_US, SerialBus, name, open, paths};
+pub use live::{Played, play};
+pub use serial::run;

@@ -1,0 +1,264 @@
+//! What a show came to, in numbers.
+
+use super::file::Program;
+use super::run::{Cost, Ran, What};
+use firmware::limits::FINE_BITS;
+use firmware::map::Joint;
+use serde::Serialize;
+
+/// A servo's way through a show.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// The goal that it took in each tick, in goal units.
+    pub goal: Vec<Option<i32>>,
+    /// Where it was when that came.
+    pub present: Vec<i32>,
+}
+
+/// A servo in numbers. Angles are degrees of its channel (or cm), and shares those of the puppet's limits.
+#[derive(Clone, Debug, Serialize)]
+pub struct ServoSummary {
+    /// Its id.
+    pub id: u8,
+    /// Its joint.
+    pub name: String,
+    /// How far it was from the goal of the tick before: root of the mean square.
+    pub error_rms: f64,
+    /// The same at most, and when.
+    pub error_max: f64,
+    /// See `error_max`, in seconds.
+    pub error_max_at: f64,
+    /// Its goals' highest velocity as a share of the limit.
+    pub speed: f64,
+    /// Their highest acceleration as a share of the limit.
+    pub acceleration: f64,
+    /// Ticks whose goal it did not take.
+    pub missed: u32,
+    /// Goals out of range, or further from where it was told to be than the limits allow.
+    pub outside_limits: u32,
+}
+
+/// A fault that was latched.
+#[derive(Clone, Debug, Serialize)]
+pub struct FaultSummary {
+    /// When, in seconds.
+    pub at: f64,
+    /// What.
+    pub fault: String,
+    /// Milliseconds until the puppet held, rested or was limp; `None` where it never was.
+    pub settled_ms: Option<f64>,
+    /// The state it settled in.
+    pub state: String,
+    /// When it was acknowledged, in seconds.
+    pub acknowledged_at: Option<f64>,
+}
+
+/// Ticks on the simulated board.
+#[derive(Clone, Debug, Serialize)]
+pub struct CostSummary {
+    /// Cycles awake in a tick, in the mean.
+    pub awake_mean: f64,
+    /// The same at most.
+    pub awake_max: u64,
+    /// Longest time on the bus in a tick, in µs.
+    pub bus_us_max: f64,
+    /// Least time left in a tick, in µs; that of half of the ticks is more than the median.
+    pub left_us_min: f64,
+    /// See `left_us_min`.
+    pub left_us_median: f64,
+    /// Ticks in which nothing was left.
+    pub overrun: usize,
+}
+
+/// A show in numbers.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// The show's name.
+    pub name: String,
+    /// Where it ran.
+    pub on: &'static str,
+    /// The state in the end.
+    pub ends: String,
+    /// The fault that is latched in the end.
+    pub fault: Option<String>,
+    /// Ticks in which goals were sent.
+    pub ticks: u32,
+    /// Their time in seconds.
+    pub seconds: f64,
+    /// Goals that servos took.
+    pub goals: usize,
+    /// Instructions that servos refused.
+    pub refused: u32,
+    /// Goals outside limits, of all servos.
+    pub outside_limits: u32,
+    /// Faults in order.
+    pub faults: Vec<FaultSummary>,
+    /// Servos in the map's order.
+    pub servos: Vec<ServoSummary>,
+    /// Costs of ticks, where they were counted.
+    pub cost: Option<CostSummary>,
+}
+
+impl Summary {
+    /// The numbers of a run.
+    pub fn new(program: &Program, ran: &Ran, on: &'static str) -> Self {
+        let map = &program.map;
+        let tracks = tracks(program, ran);
+        let hz = f64::from(map.tick_hz());
+        let servos: Vec<ServoSummary> = map
+            .joints()
+            .iter()
+            .zip(&tracks)
+            .zip(&program.joints)
+            .map(|((joint, track), name)| servo(joint, track, name, hz))
+            .collect();
+        Self {
+            name: program.name.clone(),
+            on,
+            ends: ran.ends().to_owned(),
+            fault: ran.fault().map(|fault| named(program, fault)),
+            ticks: ran.recording.ticks,
+            seconds: f64::from(ran.recording.ticks) / hz,
+            goals: ran.recording.goals.len(),
+            refused: ran.recording.refused,
+            outside_limits: servos.iter().map(|servo| servo.outside_limits).sum(),
+            faults: faults(program, ran, hz),
+            servos,
+            cost: cost(&ran.costs),
+        }
+    }
+}
+
+/// The servos' ways, in the map's order.
+pub(super) fn tracks(program: &Program, ran: &Ran) -> Vec<Track> {
+    let (map, recording) = (&program.map, &ran.recording);
+    let ticks = recording.ticks as usize;
+    let column = |id: u8| map.joints().iter().position(|joint| joint.id == id);
+    let mut tracks: Vec<Track> = (0..map.joints().len())
+        .map(|index| Track {
+            goal: vec![None; ticks],
+            present: recording.present.iter().filter_map(|tick| tick.get(index).copied()).collect(),
+        })
+        .collect();
+    for taken in &recording.goals {
+        // Times are rounded down to the microsecond.
+        let tick = (taken.time_us * u64::from(map.tick_hz())).div_ceil(1_000_000) as usize;
+        if let Some(track) = column(taken.id).and_then(|index| tracks.get_mut(index))
+            && let Some(goal) = track.goal.get_mut(tick)
+        {
+            *goal = Some(taken.position);
+        }
+    }
+    tracks
+}
+
+fn servo(joint: &Joint, track: &Track, name: &str, hz: f64) -> ServoSummary {
+    let per_unit = 1.0 / joint.scale.to_num::<f64>().abs();
+    let fine = f64::from(1 << FINE_BITS);
+    let (velocity, acceleration) =
+        (f64::from(joint.max_velocity) / fine, f64::from(joint.max_acceleration) / fine);
+    let mut summary = ServoSummary {
+        id: joint.id,
+        name: name.to_owned(),
+        error_rms: 0.0,
+        error_max: 0.0,
+        error_max_at: 0.0,
+        speed: 0.0,
+        acceleration: 0.0,
+        missed: track.goal.iter().filter(|goal| goal.is_none()).count() as u32,
+        outside_limits: 0,
+    };
+    let (mut sum, mut count, mut last) = (0.0, 0u32, None);
+    for (tick, pair) in track.goal.windows(2).enumerate() {
+        let tick = tick + 1;
+        let [before, goal] = *pair else { continue };
+        let present = track.present.get(tick).copied();
+        if let (Some(before), Some(present)) = (before, present) {
+            let error = f64::from((present - before).abs()) * per_unit;
+            (sum, count) = (sum + error * error, count + 1);
+            if error > summary.error_max {
+                (summary.error_max, summary.error_max_at) = (error, tick as f64 / hz);
+            }
+        }
+        let Some(goal) = goal else {
+            last = None;
+            continue;
+        };
+        let step = before.map(|before| f64::from(goal - before));
+        // Goals are whole units: a step may be one more than its limit. One that was lost goes on from where it is.
+        let from_here = present.is_some_and(|present| f64::from((goal - present).abs()) <= velocity + 1.0);
+        let too_far = step.is_some_and(|step| step.abs() > velocity + 1.0) && !from_here;
+        let out = !(joint.min..=joint.max).contains(&goal) && !from_here;
+        summary.outside_limits += u32::from(too_far || out);
+        if let Some(step) = step.filter(|step| step.abs() <= velocity + 1.0) {
+            // What is a unit is rounding.
+            summary.speed = summary.speed.max((step.abs() - 1.0).max(0.0) / velocity);
+            if let Some(last) = last.replace(step) {
+                let change: f64 = step - last;
+                summary.acceleration = summary.acceleration.max((change.abs() - 2.0).max(0.0) / acceleration);
+            }
+        } else {
+            last = None;
+        }
+    }
+    summary.error_rms = (sum / f64::from(count.max(1))).sqrt();
+    summary
+}
+
+fn faults(program: &Program, ran: &Ran, hz: f64) -> Vec<FaultSummary> {
+    let settled = |text: &str| ["Holding", "Resting", "Limp"].contains(&text);
+    let mut faults = Vec::new();
+    for (index, note) in ran.notes.iter().enumerate() {
+        if note.what != What::Fault || note.text.is_empty() {
+            continue;
+        }
+        let state = ran.notes[..index].iter().rev().find(|note| note.what == What::State);
+        let later = ran.notes[index..].iter().find(|note| note.what == What::State && settled(&note.text));
+        let now = state.filter(|state| settled(&state.text) && !moved_on(ran, index, note.tick));
+        let reached = now.or(later);
+        let acknowledged =
+            ran.notes[index..].iter().find(|note| note.what == What::Fault && note.text.is_empty());
+        faults.push(FaultSummary {
+            at: f64::from(note.tick) / hz,
+            fault: named(program, &note.text),
+            settled_ms: reached
+                .map(|reached| f64::from(reached.tick.max(note.tick) - note.tick) * 1000.0 / hz),
+            state: reached.map_or(String::new(), |reached| reached.text.clone()),
+            acknowledged_at: acknowledged.map(|note| f64::from(note.tick) / hz),
+        });
+    }
+    faults
+}
+
+/// A fault with the servo's own id and its joint: `Silent { servo: 6 }` is `Silent: servo 7 (left shoulder swing)`.
+fn named(program: &Program, fault: &str) -> String {
+    let parsed = || {
+        let (kind, rest) = fault.split_once(" { servo: ")?;
+        let digits = rest.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(rest.len());
+        let index: usize = rest[..digits].parse().ok()?;
+        let (joint, name) = (program.map.joints().get(index)?, program.joints.get(index)?);
+        let more = rest[digits..].trim_end_matches('}').trim_end();
+        Some(format!("{kind}: servo {} ({name}){more}", joint.id))
+    };
+    parsed().unwrap_or_else(|| fault.to_owned())
+}
+
+/// Whether the state changed in the tick in which a fault was noted.
+fn moved_on(ran: &Ran, fault: usize, tick: u32) -> bool {
+    ran.notes[fault..].iter().any(|note| note.what == What::State && note.tick == tick)
+}
+
+fn cost(costs: &[Cost]) -> Option<CostSummary> {
+    let awake = costs.iter().map(|cost| cost.awake);
+    let count = costs.len();
+    let mut left: Vec<f64> = costs.iter().map(|cost| cost.left_us).collect();
+    left.sort_by(f64::total_cmp);
+    (count > 0).then(|| CostSummary {
+        awake_mean: awake.clone().sum::<u64>() as f64 / count as f64,
+        awake_max: awake.max().unwrap_or(0),
+        bus_us_max: costs.iter().map(|cost| cost.bus_us).fold(0.0, f64::max),
+        left_us_min: left.first().copied().unwrap_or(0.0),
+        left_us_median: left.get(count / 2).copied().unwrap_or(0.0),
+        overrun: costs.iter().filter(|cost| cost.left_us <= 0.0).count(),
+    })
+}
