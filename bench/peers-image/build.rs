@@ -6,6 +6,9 @@
 //! - `BUNRAKU_WINDOW_BITS`: bits of tamp's window
 //! - `BUNRAKU_DELTA`: `1` where frames are stored as differences to the frame before
 
+#[path = "../../firmware/boards/board_x.rs"]
+mod board_x;
+
 use std::path::PathBuf;
 use std::{env, fs};
 
@@ -39,7 +42,7 @@ fn main() {
     for (name, text) in texts.into_iter().chain([("store", store.as_slice())]) {
         fs::write(out.join(name), text).unwrap_or_else(|error| panic!("cannot write {name}: {error}"));
     }
-    println!("cargo:rustc-link-search={WORKSPACE}/firmware/boards/qemu-mps2");
+    board_x::lay_out(&format!("{WORKSPACE}/firmware/boards/qemu-mps2"));
     for argument in ["--nmagic", "-Tlink.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }

@@ -1,8 +1,10 @@
-//! The build script of every board: names the linker scripts. The map of the memory, memory.x, is in the board's folder.
+//! The build script of every board: names the linker scripts. The map of the memory is memory.x in the board's folder.
+
+#[path = "board_x.rs"]
+mod board_x;
 
 fn main() {
-    println!("cargo:rerun-if-changed=memory.x");
-    println!("cargo:rustc-link-search={}", env!("CARGO_MANIFEST_DIR"));
+    board_x::lay_out(env!("CARGO_MANIFEST_DIR"));
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }

@@ -9,6 +9,9 @@
 //! - `BUNRAKU_OUTPUT_HZ`, `BUNRAKU_CLOCK_HZ`: ticks a second and the core's clock, for the image `wearable`
 //! - `BUNRAKU_NOPS`: instructions to waste in every frame, so that tests have a slower decoder to find
 
+#[path = "../../firmware/boards/board_x.rs"]
+mod board_x;
+
 use decoder_core::{Limits, mclip, qmd::Clip};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -47,7 +50,7 @@ fn main() {
     write(&out, "wearable.rs", wearable.as_bytes());
 
     // The map of memory, memory.x, is that of QEMU's board: flash at 0, RAM at 0x2000_0000, 4 MiB of each.
-    println!("cargo:rustc-link-search={WORKSPACE}/firmware/boards/qemu-mps2");
+    board_x::lay_out(&format!("{WORKSPACE}/firmware/boards/qemu-mps2"));
     for argument in ["--nmagic", "-Tlink.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }

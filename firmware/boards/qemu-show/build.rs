@@ -7,6 +7,9 @@
 //!
 //! Without them the image plays nothing: it is built all the same, so that it is seen to build.
 
+#[path = "../board_x.rs"]
+mod board_x;
+
 use decoder_core::{Limits, mclip, qmd};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -31,7 +34,7 @@ fn main() {
     println!("cargo:rustc-env=BUNRAKU_SLACK_US={slack}");
 
     // The map of the memory is that board's.
-    println!("cargo:rustc-link-search={}/../qemu-mps2", env!("CARGO_MANIFEST_DIR"));
+    board_x::lay_out(concat!(env!("CARGO_MANIFEST_DIR"), "/../qemu-mps2"));
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
