@@ -228,13 +228,20 @@ fn a_real_port_is_played_and_asked_to_end() {
     let goals = fs::read_to_string(&log).unwrap().lines().count() - 1;
     assert_eq!(Some(goals as u64), report["goals"].as_u64());
     // The servos that this player has left are found by the next one, which is interrupted as it plays.
-    let mut process = play().stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-    let mut said = BufReader::new(process.stderr.take().unwrap());
-    let mut line = String::new();
-    while line != "Playing\n" {
-        line.clear();
-        assert!(said.read_line(&mut line).unwrap() > 0, "it never plays");
-    }
+    let begin = || {
+        let mut process = play().stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let mut said = BufReader::new(process.stderr.take().unwrap());
+        let mut line = String::new();
+        while line != "Playing\n" {
+            line.clear();
+            if said.read_line(&mut line).unwrap() == 0 {
+                let _ = process.wait();
+                return None;
+            }
+        }
+        Some((process, said))
+    };
+    let (mut process, mut said) = (0..5).find_map(|_| begin()).expect("it plays");
     // On its way, so that it has to brake.
     sleep(Duration::from_millis(700));
     let kill = Command::new("kill").args(["-INT", &process.id().to_string()]).status().unwrap();
