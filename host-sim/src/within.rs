@@ -5,7 +5,7 @@ use crate::profile::{self, measure};
 use crate::thumb::Core;
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::mclip::{CodecId, EntropyId};
-use encoder::mclip::{Encoded, Encoder, Predictor, Quality, Settings, Target};
+use encoder::mclip::{Encoded, Encoder, Predictor, Quality, Settings, Target, certify};
 use encoder::metrics::Evaluator;
 use std::path::Path;
 use std::str::FromStr;
@@ -51,7 +51,7 @@ pub struct Tried {
     pub settings: Settings,
     /// The clip.
     pub encoded: Encoded,
-    /// Cycles of its most expensive frame.
+    /// Cycles of its most expensive frame, which its header has as well.
     pub cycles_max: u64,
 }
 
@@ -131,8 +131,8 @@ pub fn best(
     let mut least: Option<Tried> = None;
     for (settings, encoded) in clips {
         progress(format!("counting cycles of {}", name(settings)));
-        let cycles_max = worst_frame(&encoded.bytes, limit.core).with_context(|| name(settings))?;
-        let tried = Tried { settings: *settings, encoded, cycles_max };
+        let (bytes, cycles_max) = certified(&encoded.bytes, limit.core).with_context(|| name(settings))?;
+        let tried = Tried { settings: *settings, encoded: Encoded { bytes, ..encoded }, cycles_max };
         if cycles_max <= limit.cycles {
             return Ok(tried);
         }
@@ -158,6 +158,14 @@ fn reaches(encoder: &Encoder<'_>, encoded: &Encoded, goal: Goal) -> bool {
         Goal::Target(Target::Error(cm)) => encoded.mean_joint_cm <= cm * 1.03,
         Goal::Target(Target::Rate(rate)) => encoder.rate(&encoded.bytes) <= rate,
     }
+}
+
+/// The clip with the cycles of its most expensive frame in its header, and these cycles.
+fn certified(bytes: &[u8], core: Core) -> Result<(Vec<u8>, u64)> {
+    let number = core.number().ok_or_else(|| anyhow!("{} is no core of a clip's header", core.name()))?;
+    // Counted with room for the number, so that every byte is where it will be.
+    let cycles = worst_frame(&certify(bytes, &[(number, 0)])?, core)?;
+    Ok((certify(bytes, &[(number, u32::try_from(cycles)?)])?, cycles))
 }
 
 /// Cycles of a clip's most expensive frame.

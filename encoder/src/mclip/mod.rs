@@ -31,6 +31,7 @@ use train::Steps;
 pub use lent::Lent;
 pub use max::Density;
 pub use target::{Encoded, Target};
+pub use writer::certify;
 
 /// How values are predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]

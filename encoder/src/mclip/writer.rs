@@ -4,14 +4,14 @@ use super::bits::BitWriter;
 use super::prefix::{Books, CLASS_COUNTS};
 use super::record::Records;
 use super::run::{Coded, Plan};
-use decoder_core::Limits;
 use decoder_core::arithmetic::unsigned;
 use decoder_core::entropy::AdaptiveHuffman;
 use decoder_core::entropy::fixed_width::OCTET;
 use decoder_core::entropy::huffman::Shape;
 use decoder_core::mclip::{
-    BlockHeader, Channel, CodecId, EntropyId, Header, MAGIC, Opening, VERSION, checksum,
+    BlockHeader, Channel, Clip, CodecId, EntropyId, Header, MAGIC, Opening, VERSION, checksum,
 };
+use decoder_core::{Error, Limits};
 
 /// Prefix, header and checksum. The memory that a decoder needs and the channels are filled in.
 pub(super) fn header(opening: &Opening<'_>, channels: &[Channel<'_>], precision: u8) -> Vec<u8> {
@@ -35,6 +35,20 @@ fn assemble(opening: &Opening<'_>) -> Vec<u8> {
     bytes.extend(body);
     bytes.extend(checksum(&bytes, &[]).to_le_bytes());
     bytes
+}
+
+/// The clip with worst-case cycles of its frames in its header, each with the number of its core (docs/FORMAT.md, "Header"),
+/// instead of those that it had.
+///
+/// # Errors
+/// Where these bytes are no clip.
+pub fn certify(clip: &[u8], cycles: &[(u8, u32)]) -> Result<Vec<u8>, Error> {
+    let parsed = Clip::parse(clip, Limits::MAX)?;
+    let entry = |&(core, cycles): &(u8, u32)| core::iter::once(core).chain(cycles.to_le_bytes());
+    let cycles: Vec<u8> = cycles.iter().flat_map(entry).collect();
+    let mut bytes = assemble(&Opening { cycles: &cycles, ..*parsed.header().opening() });
+    bytes.extend(clip.iter().skip(parsed.header_bytes()));
+    Ok(bytes)
 }
 
 pub(super) fn append(bytes: &mut Vec<u8>, value: &impl serde::Serialize) {

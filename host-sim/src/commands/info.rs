@@ -6,6 +6,7 @@ use decoder_core::Limits;
 use decoder_core::mclip::{self, ChannelKind};
 use decoder_core::qmd::Clip;
 use host_sim::files;
+use host_sim::thumb::Core;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -82,12 +83,16 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)))
     };
     let unit = |kind: ChannelKind| if kind.is_rotation() { "degrees" } else { "cm" };
-    let cycles: Vec<(u8, u32)> = opening
+    let cycles: Vec<(String, u32)> = opening
         .cycles
         .as_chunks::<5>()
         .0
         .iter()
-        .map(|&[core, a, b, c, d]| (core, u32::from_le_bytes([a, b, c, d])))
+        .map(|&[core, a, b, c, d]| {
+            let name =
+                Core::from_number(core).map_or_else(|| format!("core {core}"), |core| core.name().to_owned());
+            (name, u32::from_le_bytes([a, b, c, d]))
+        })
         .collect();
     if args.json {
         let channels: Vec<_> = header
@@ -129,7 +134,7 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
     );
     println!("  a decoder needs {} bytes of memory", opening.ram);
     for (core, cycles) in &cycles {
-        println!("  at most {cycles} cycles a frame on core {core}");
+        println!("  at most {cycles} cycles a frame on {core}");
     }
     let resting = header.channels().filter(|channel| channel.bits == 0).count();
     println!("  {} channels, of which {resting} rest", clip.channels());

@@ -20,7 +20,7 @@ pub struct Args {
     /// Where clients connect: `pty` or `tcp:HOST:PORT` (port 0 takes a free one)
     #[arg(long, value_name = "LINE", default_value = "pty")]
     listen: Listen,
-    /// What happens to the servos, by seconds since they were started: [[event]] with `at` and `what`, for instance
+    /// What happens to the servos, by seconds since they were started: `[[event]]` with `at` and `what`, for instance
     /// at = 5.0, what = "turn", servo = 3, position = 1000 (or restart, silence, cut)
     #[arg(long, value_name = "EVENTS.TOML")]
     events: Option<PathBuf>,

@@ -48,6 +48,17 @@ impl Core {
         Self::ALL.into_iter().find(|core| core.name() == name)
     }
 
+    /// Its number in the header of a .mclip (docs/FORMAT.md, "Header"): its place in [`ALL`](Self::ALL).
+    pub fn number(self) -> Option<u8> {
+        let place = Self::ALL.into_iter().position(|core| core == self)?;
+        u8::try_from(place).ok()
+    }
+
+    /// The core with this number.
+    pub fn from_number(number: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(number)).copied()
+    }
+
     /// Its instructions.
     pub fn arch(self) -> Arch {
         match self {
