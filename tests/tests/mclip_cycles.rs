@@ -1,7 +1,7 @@
 //! What each codec costs on simulated cores: the same frames as here, and cycles within a budget.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{motion, require_target};
+use bunraku_tests::{bunraku, motion, require_target};
 use decoder_core::Limits;
 use decoder_core::mclip::{Clip, CodecId, EntropyId};
 use encoder::import;
@@ -114,6 +114,48 @@ fn the_table_is_several_times_as_fast_as_bit_by_bit() {
         );
         assert!(serial >= LEAST_RATIO * table, "{core:?}: {table} and {serial} cycles a code");
     }
+}
+
+#[test]
+fn a_limit_of_cycles_is_kept_and_certified() {
+    if !require_target(TARGETS[0]) {
+        return;
+    }
+    let Some(folder) = motion() else { return };
+    let (cmu, out) = (folder.join("cmu"), tempfile::tempdir().unwrap());
+    let path = out.path().join("clip.mclip");
+    let encode = |limit: &str| {
+        let mut command = bunraku();
+        command.arg("encode").arg(cmu.join("02_01.amc")).arg("--skeleton").arg(cmu.join("02.asf"));
+        command
+            .args(["--codec", "dpcm", "--target-error", "0.1", "--max-cycles", limit])
+            .arg("-o")
+            .arg(&path);
+        command.output().unwrap()
+    };
+    let refused = encode("300");
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("the fewest cycles of a worst frame on cortex-m4 are ") && !path.exists(),
+        "{said}"
+    );
+    assert!(encode("5000").status.success());
+    let report = |command: &str| -> serde_json::Value {
+        let output = bunraku().arg(command).arg(&path).arg("--json").output().unwrap();
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let certified = &report("info")["cycles"][0];
+    assert_eq!(certified[0], "cortex-m4");
+    // `profile` counts the same, without having been told.
+    let core = report("profile")["cores"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|core| core["core"] == "cortex-m4")
+        .cloned();
+    assert_eq!(core.unwrap()["cycles_max"], certified[1]);
+    assert!((1000..=5000).contains(&certified[1].as_u64().unwrap()), "{certified}");
 }
 
 const TARGETS: [&str; 2] = ["thumbv7em-none-eabi", "thumbv6m-none-eabi"];
