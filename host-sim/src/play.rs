@@ -8,11 +8,10 @@ use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
 use crate::rp2040js;
+use crate::servos::line::{Instantly, Line};
 use crate::thumb::{Board, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
-use embedded_hal_async::delay::DelayNs;
-use embedded_io_async::{ErrorType, Read, Write};
-use firmware::bus::port::{Automatic, Line, Port};
+use firmware::bus::port::{Automatic, Line as Timing, Port};
 use firmware::drive::{Surroundings, drive};
 use firmware::dynamixel::bus::DynamixelBus;
 use firmware::dynamixel::client::Client;
@@ -22,9 +21,7 @@ use firmware::machine::{Machine as Puppet, Show, Start};
 use firmware::map::MAX_SERVOS;
 use firmware::stage::Library;
 use firmware::voice::{Frames, Voice};
-use std::collections::VecDeque;
-use std::convert::Infallible;
-use std::future::{Future, pending};
+use std::future::Future;
 use std::io;
 use std::pin::pin;
 use std::task::{Context as TaskContext, Poll, Waker};
@@ -103,15 +100,15 @@ fn record(frames: &mut dyn Frames, map: &Map, rate: u16) -> Result<Recording> {
 /// Drives a machine on virtual servos in no time.
 pub(crate) fn on_the_spot<'m, L: Library, S: Surroundings<L, MAX_SERVOS>>(
     puppet: &mut Puppet<'m, L, MAX_SERVOS>,
-    recorder: Recorder<'m>,
+    mut recorder: Recorder<'m>,
     surroundings: &mut S,
 ) -> Result<Recorder<'m>> {
     let baud = puppet.map().buses().first().map_or(0, |bus| bus.baud);
-    let wire = Wire { recorder, answers: VecDeque::new() };
-    let port = Port::new(wire, Automatic, Instantly, Line::uart(baud));
+    let line = Line::new(|bytes: &[u8]| recorder.receive(bytes));
+    let port = Port::new(line, Automatic, Instantly, Timing::uart(baud));
     let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
     now(drive(puppet, &mut bus, surroundings))?;
-    Ok(bus.into_client().into_port().into_uart().recorder)
+    Ok(recorder)
 }
 
 /// Until the puppet rests, as fast as it goes.
@@ -127,47 +124,6 @@ impl<L: Library, const N: usize> Surroundings<L, N> for ToTheEnd {
     }
 
     fn feed(&mut self) {}
-}
-
-/// A line to virtual servos that answer at once: what they have not said by then they will not say.
-struct Wire<'m> {
-    recorder: Recorder<'m>,
-    answers: VecDeque<u8>,
-}
-
-impl ErrorType for Wire<'_> {
-    type Error = Infallible;
-}
-
-impl Write for Wire<'_> {
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        self.answers.extend(self.recorder.receive(bytes));
-        Ok(bytes.len())
-    }
-
-    async fn flush(&mut self) -> Result<(), Infallible> {
-        Ok(())
-    }
-}
-
-impl Read for Wire<'_> {
-    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
-        if self.answers.is_empty() {
-            pending::<()>().await;
-        }
-        let count = buffer.len().min(self.answers.len());
-        for (to, from) in buffer.iter_mut().zip(self.answers.drain(..count)) {
-            *to = from;
-        }
-        Ok(count)
-    }
-}
-
-/// A timer whose time is over at once.
-struct Instantly;
-
-impl DelayNs for Instantly {
-    async fn delay_ns(&mut self, _: u32) {}
 }
 
 /// Builds the image of the board `qemu-mps2` with this clip and map, and plays it under QEMU.
