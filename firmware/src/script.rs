@@ -51,7 +51,7 @@ impl<'s> Script<'s> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::tests::{Clips, map};
+    use crate::machine::world::{Clips, map};
     use crate::machine::{Rehearsal, Show, Start};
     use crate::map::Settings;
     use crate::stage::QUEUE;
