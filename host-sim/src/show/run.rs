@@ -433,6 +433,8 @@ mod tests {
             "info: tick 31 fault Silent { servo: 3 }",
             "info: tick 40 fault ",
             "info: tick 41 clip 2",
+            "info: tick 42 stream Right",
+            "info: tick 43 streamed 7 2 3 1",
             "info: tick soon",
             "warn: something",
         ] {
@@ -444,6 +446,8 @@ mod tests {
             note(31, What::Fault, "Silent { servo: 3 }"),
             note(40, What::Fault, ""),
             note(41, What::Clip, "2"),
+            note(42, What::Stream, "Right"),
+            note(43, What::Streamed, "7 2 3 1"),
         ];
         assert_eq!(
             (notes, rest),
