@@ -63,7 +63,7 @@ at = 14.6
 what = 'trigger'
 ";
 
-/// Writes a show of two clips in `folder`.
+/// Writes a show of two clips, and one to be streamed, in `folder`; clips that are there stay.
 fn write_show(folder: &Path, events: &str) -> PathBuf {
     let clip = sample::clip();
     fs::write(folder.join("sample.asf"), sample::asf()).unwrap();
@@ -78,6 +78,9 @@ fn write_show(folder: &Path, events: &str) -> PathBuf {
         ("two.mclip", part(200, 300), decoder_core::mclip::CodecId::Pcm),
         ("live.mclip", part(100, 480), decoder_core::mclip::CodecId::Dpcm),
     ] {
+        if folder.join(name).exists() {
+            continue;
+        }
         let encoder = Encoder::new(&clip.skeleton, &motion).unwrap();
         // Ten entry points a second, for what is streamed.
         let settings = Settings { entry_frames: 6, block_bytes: 400, ..Settings::new(codec) };
