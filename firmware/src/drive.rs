@@ -86,7 +86,7 @@ async fn act<B: ServoBus>(bus: &mut B, ids: &[u8], action: Action) -> Result<(),
 mod tests {
     use super::*;
     use crate::bus::{BusError, Goal};
-    use crate::machine::tests::{Clips, SERVOS, map};
+    use crate::machine::world::{Clips, SERVOS, map};
     use crate::machine::{Show, Start};
     use crate::map::Settings;
     use core::future::Future;

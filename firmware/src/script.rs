@@ -90,7 +90,7 @@ impl<'s, 'l> Script<'s, 'l> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::tests::{Clips, map};
+    use crate::machine::world::{Clips, map};
     use crate::machine::{Rehearsal, Show, Start};
     use crate::map::Settings;
     use crate::sender::{STREAM, StreamMemory};

@@ -82,7 +82,7 @@ fn of(joint: &Joint, frame: &[I16F16]) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::tests::map;
+    use crate::machine::world::map;
     use crate::map::Settings;
 
     /// Frames whose one channel counts.

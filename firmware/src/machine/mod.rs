@@ -24,7 +24,9 @@ use heapless::Vec;
 mod plan;
 mod rehearsal;
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;
+#[cfg(test)]
+pub(crate) mod world;
 
 pub use plan::{Action, After, Command, Plan, Show, Start, State};
 pub use rehearsal::Rehearsal;

@@ -1,0 +1,276 @@
+//! A world for tests: clips from formulas, and servos that can be harmed, which look at what they are told.
+
+use super::*;
+use crate::bus::{BusError, Reading};
+use crate::map::{BusKind, BusSpec, Settings};
+use crate::voice::Frames;
+use decoder_core::{Error, Field, I16F16};
+use std::collections::HashMap;
+
+pub(crate) const SERVOS: usize = 3;
+pub(crate) const HZ: u16 = 100;
+
+/// Clips of one channel a servo, from formulas.
+#[derive(Default)]
+pub(crate) struct Clips {
+    pub(crate) open: usize,
+    pub(crate) damaged_at: Option<u32>,
+}
+
+pub(crate) struct Formula {
+    pub(crate) clip: u16,
+    pub(crate) next: u32,
+    pub(crate) frame: [I16F16; SERVOS],
+    pub(crate) damaged_at: Option<u32>,
+}
+
+pub(crate) const DAMAGED: Error = Error::Checksum { field: Field::CodeTables, at: 0, expected: 1, found: 2 };
+
+pub(crate) const FRAMES: u32 = 240;
+
+pub(crate) fn value(clip: u16, frame: u32, channel: usize) -> I16F16 {
+    let phase = f64::from(frame) / 60.0 + channel as f64 + f64::from(clip);
+    I16F16::from_num(20.0 * f64::from(clip) + 30.0 * phase.sin())
+}
+
+impl Frames for Formula {
+    fn channels(&self) -> usize {
+        SERVOS
+    }
+    fn frames(&self) -> u32 {
+        FRAMES
+    }
+    fn rate_centihertz(&self) -> u16 {
+        6_000
+    }
+    fn position(&self) -> u32 {
+        self.next
+    }
+    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
+        if self.damaged_at == Some(self.next) {
+            return Err(DAMAGED);
+        }
+        if self.next >= FRAMES {
+            return Ok(None);
+        }
+        for channel in 0..SERVOS {
+            self.frame[channel] = value(self.clip, self.next, channel);
+        }
+        self.next += 1;
+        Ok(Some(&self.frame))
+    }
+    fn approach(&mut self, frame: u32) {
+        if self.next > frame {
+            self.next = 0;
+        }
+    }
+}
+
+impl Library for Clips {
+    type Frames = Formula;
+
+    fn open(&mut self, clip: u16) -> Result<Formula, PlayError> {
+        if clip > 3 {
+            return Err(PlayError::NoClip { clip });
+        }
+        self.open += 1;
+        assert!(self.open <= 2, "memory for two decoders is enough");
+        Ok(Formula { clip, next: 0, frame: [I16F16::ZERO; SERVOS], damaged_at: self.damaged_at })
+    }
+
+    fn close(&mut self, _: Formula) {
+        self.open -= 1;
+    }
+}
+
+pub(crate) fn joint(id: u8) -> Joint {
+    Joint {
+        channel: u16::from(id) - 1,
+        bus: 0,
+        id,
+        zero: 2048,
+        home: 2000,
+        scale: I16F16::lit("11.378"),
+        min: 500,
+        max: 3500,
+        max_velocity: 60 << 10,
+        max_acceleration: 6 << 10,
+        idle: Idle { breathing: 10, sway: 5, gaze: 20 },
+    }
+}
+
+pub(crate) fn map(settings: Settings) -> JointMap<4> {
+    let buses = [BusSpec { kind: BusKind::Dynamixel, baud: 1_000_000 }].into_iter().collect();
+    JointMap::new(settings, buses, (1..=SERVOS as u8).map(joint).collect()).unwrap()
+}
+
+/// A servo that is where it was told to be at once, if its torque is on.
+#[derive(Clone, Copy)]
+pub(crate) struct Motor {
+    pub(crate) position: i32,
+    pub(crate) torque: bool,
+    pub(crate) silent: bool,
+    pub(crate) hardware_error: u8,
+    pub(crate) temperature: u8,
+}
+
+pub(crate) struct World<'m> {
+    pub(crate) machine: Machine<'m, Clips, 4>,
+    pub(crate) motors: [Motor; SERVOS],
+    pub(crate) bus: Result<(), BusError>,
+    pub(crate) late: bool,
+    pub(crate) action: Option<Result<(), BusError>>,
+    pub(crate) actions: std::vec::Vec<Action>,
+    /// What each motor was told last, and how far that was from what it was told before.
+    pub(crate) velocity: HashMap<usize, [i32; 2]>,
+    pub(crate) told: HashMap<usize, i32>,
+    /// Ticks in which nothing has reached each motor.
+    pub(crate) away: HashMap<usize, u32>,
+    pub(crate) tick: u32,
+    pub(crate) watched: Option<u16>,
+}
+
+impl<'m> World<'m> {
+    pub(crate) fn new(map: &'m JointMap<4>, show: Show<'m>, positions: [i32; SERVOS]) -> Self {
+        let motor =
+            |position| Motor { position, torque: false, silent: false, hardware_error: 0, temperature: 30 };
+        Self {
+            machine: Machine::new(map, Clips::default(), show, Start::Power),
+            motors: positions.map(motor),
+            bus: Ok(()),
+            late: false,
+            action: None,
+            actions: std::vec::Vec::new(),
+            velocity: HashMap::new(),
+            told: HashMap::new(),
+            away: HashMap::new(),
+            tick: 0,
+            watched: None,
+        }
+    }
+
+    /// A tick, with what must hold in each.
+    pub(crate) fn tick(&mut self) {
+        let readings: std::vec::Vec<Option<Reading>> = self
+            .motors
+            .iter()
+            .map(|motor| {
+                (!motor.silent && self.bus.is_ok()).then_some(Reading {
+                    position: motor.position,
+                    temperature: Some(motor.temperature),
+                    millivolts: Some(12_000),
+                    load: None,
+                    hardware_error: motor.hardware_error,
+                    torque: Some(motor.torque),
+                })
+            })
+            .collect();
+        let feedback =
+            Feedback { readings: &readings, bus: self.bus, action: self.action.take(), late: self.late };
+        let plan = self.machine.tick(&feedback);
+        let (action, goals) = (plan.action, plan.goals.to_vec());
+        for (index, goal) in goals.iter().enumerate() {
+            let joint = joint(goal.id);
+            let motor = &mut self.motors[index];
+            let last = self.told.insert(index, goal.position);
+            // A motor that is told for the first time, or again after a loss, is told to be where it is.
+            let begins = (goal.position - motor.position).abs() <= 7;
+            let reached = motor.torque && !motor.silent && self.bus.is_ok();
+            if !motor.torque {
+                self.velocity.remove(&index);
+            } else if let Some(last) = last {
+                // Of what it is told, and of the motor, which stands still while nothing reaches it.
+                let steps = [goal.position - last, goal.position - motor.position];
+                let before = self.velocity.get(&index).copied().unwrap_or([0; 2]);
+                let smooth = |way: usize| steps[way].abs() <= 61 && (steps[way] - before[way]).abs() <= 8;
+                // What it is told may only jump to where the motor goes on smoothly: it was lost and is found again.
+                assert!(
+                    smooth(0) || smooth(1),
+                    "servo {index}: {steps:?} after {before:?} at tick {}",
+                    self.tick
+                );
+                self.velocity.insert(index, [steps[0], if reached { steps[1] } else { 0 }]);
+                let inwards = last < joint.min && steps[0] >= 0 || last > joint.max && steps[0] <= 0;
+                assert!(begins || inwards || (joint.min..=joint.max).contains(&goal.position), "{goal:?}");
+            } else if reached {
+                assert!(begins, "servo {index} starts at {}, told {}", motor.position, goal.position);
+                self.velocity.insert(index, [goal.position - motor.position; 2]);
+            } else {
+                // What it was told before nobody knows.
+                self.told.remove(&index);
+            }
+            if reached {
+                self.away.remove(&index);
+            } else {
+                *self.away.entry(index).or_insert(0) += 1;
+            }
+            if reached {
+                motor.position = goal.position;
+            }
+        }
+        if goals.is_empty() {
+            self.told.clear();
+            self.velocity.clear();
+        }
+        self.action = action.map(|action| self.act(action));
+        self.actions.extend(action);
+        self.tick += 1;
+    }
+
+    pub(crate) fn act(&mut self, action: Action) -> Result<(), BusError> {
+        self.bus?;
+        let reach = |motor: &Motor| if motor.silent { Err(BusError::NoReply) } else { Ok(()) };
+        match action {
+            Action::Ping { servo } => reach(&self.motors[servo]),
+            Action::TorqueOn { servo } => {
+                let motor = &mut self.motors[servo];
+                reach(motor)?;
+                if motor.hardware_error != 0 {
+                    return Err(BusError::Refused(7));
+                }
+                let told = self.told[&servo];
+                assert!((told - motor.position).abs() <= 7, "{told} is told where {} is", motor.position);
+                motor.torque = true;
+                Ok(())
+            }
+            Action::TorqueOff => {
+                self.motors.iter_mut().for_each(|motor| motor.torque = false);
+                Ok(())
+            }
+            Action::Reboot { servo } => {
+                let motor = &mut self.motors[servo];
+                reach(motor)?;
+                (motor.torque, motor.hardware_error) = (false, 0);
+                Ok(())
+            }
+            Action::Watchdog { millis } => {
+                self.watched = Some(millis);
+                Ok(())
+            }
+        }
+    }
+
+    /// Ticks until `done`; how many it took.
+    pub(crate) fn until(&mut self, limit: u32, done: impl Fn(&Self) -> bool) -> u32 {
+        let start = self.tick;
+        while !done(self) {
+            assert!(self.tick - start < limit, "still {:?} after {limit} ticks", self.machine.state());
+            self.tick();
+        }
+        self.tick - start
+    }
+
+    pub(crate) fn until_state(&mut self, limit: u32, state: State) -> u32 {
+        self.until(limit, |world| world.machine.state() == state)
+    }
+
+    pub(crate) fn positions(&self) -> [i32; SERVOS] {
+        self.motors.map(|motor| motor.position)
+    }
+}
+
+pub(crate) const ONE: &[u16] = &[1];
+
+pub(crate) fn show() -> Show<'static> {
+    Show { playlist: ONE, ..Show::default() }
+}
