@@ -24,6 +24,7 @@ pub mod pca9685;
 pub mod protocol1;
 pub mod pwm;
 pub mod script;
+pub mod sender;
 pub mod stage;
 pub mod store;
 pub mod stream;

@@ -1,22 +1,47 @@
 //! Commands by the clock: what a show does at which tick.
 
+use crate::clips::LIVE;
 use crate::machine::{Command, Machine, State};
+use crate::sender::Sender;
 use crate::stage::Library;
 use crate::voice::PlayError;
 
-/// Commands with their ticks, in order. Tick 0 is the first one in which servos are given goals: before, it depends on
+/// What happens at a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// The machine is told something.
+    Command(Command),
+    /// A clip is streamed, and plays as soon as enough of it is there.
+    Stream {
+        /// Its number among the sender's clips.
+        clip: u16,
+    },
+    /// What is sent is lost.
+    Gap {
+        /// For so many ticks.
+        ticks: u32,
+    },
+}
+
+/// Orders with their ticks, in order. Tick 0 is the first one in which servos are given goals: before, it depends on
 /// the servos how long the puppet looks for them.
-#[derive(Clone, Copy, Debug)]
-pub struct Script<'s> {
-    orders: &'s [(u32, Command)],
+#[derive(Clone, Copy)]
+pub struct Script<'s, 'l> {
+    orders: &'s [(u32, Order)],
+    sender: Sender<'s, 'l>,
     /// The tick that comes, once goals have been sent.
     tick: Option<u32>,
 }
 
-impl<'s> Script<'s> {
-    /// Before the first tick.
-    pub const fn new(orders: &'s [(u32, Command)]) -> Self {
-        Self { orders, tick: None }
+impl<'s, 'l> Script<'s, 'l> {
+    /// Before the first tick. The machine's library has the sender's stream.
+    pub const fn new(orders: &'s [(u32, Order)], sender: Sender<'s, 'l>) -> Self {
+        Self { orders, sender, tick: None }
+    }
+
+    /// What sends streams.
+    pub const fn sender(&self) -> &Sender<'s, 'l> {
+        &self.sender
     }
 
     /// The tick that comes; `None` before tick 0 is over.
@@ -36,15 +61,29 @@ impl<'s> Script<'s> {
             None if matches!(machine.state(), State::Finding | State::Reading) => None,
             None => Some(1),
         };
-        while let (Some(tick), Some(((due, command), rest))) = (self.tick, self.orders.split_first())
+        self.sender.look();
+        while let (Some(tick), Some(((due, order), rest))) = (self.tick, self.orders.split_first())
             && *due <= tick
         {
             self.orders = rest;
-            if let Err(error) = machine.command(*command) {
-                refused(*command, error);
+            let (command, taken) = match *order {
+                Order::Command(command) => (command, machine.command(command)),
+                Order::Stream { clip } => {
+                    (Command::Play { clip: LIVE, repeats: false }, self.sender.stream(clip))
+                }
+                Order::Gap { ticks } => {
+                    self.sender.lose(ticks);
+                    continue;
+                }
+            };
+            if let Err(error) = taken {
+                refused(command, error);
             }
         }
-        !(self.orders.is_empty() && machine.at_rest())
+        if let Some(tick) = self.tick {
+            self.sender.tick(tick, machine, &mut refused);
+        }
+        !(self.orders.is_empty() && machine.at_rest() && !self.sender.waits())
     }
 }
 
@@ -54,7 +93,9 @@ mod tests {
     use crate::machine::world::{Clips, map};
     use crate::machine::{Rehearsal, Show, Start};
     use crate::map::Settings;
+    use crate::sender::{STREAM, StreamMemory};
     use crate::stage::QUEUE;
+    use crate::stream::Live;
 
     #[test]
     fn commands_are_given_at_their_ticks_and_the_end_comes_after_them() {
@@ -67,8 +108,11 @@ mod tests {
             .into_iter()
             .chain(full)
             .chain([(130, Command::Home), (900, Command::Trigger)])
+            .map(|(tick, command)| (tick, Order::Command(command)))
             .collect();
-        let mut script = Script::new(&orders);
+        let mut memory = StreamMemory::new();
+        let live = Live::new(memory.lend().0, STREAM);
+        let mut script = Script::new(&orders, Sender::new(&[], &live));
         let (mut refusals, mut goals) = (Vec::new(), 0);
         while script.control(&mut machine, |command, error| refusals.push((command, error))) {
             assert!(goals < 2000, "it never ends");

@@ -1,5 +1,5 @@
-//! A show with crossfades, a trigger, and servos that restart, fall silent and are cut off: the same on the host, on the
-//! simulated core and under QEMU.
+//! A show with crossfades, a trigger, a live stream with gaps, and servos that restart, fall silent and are cut off: the same on
+//! the host, on the simulated core and under QEMU.
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{bunraku, motion, require_program, require_target, workspace};
@@ -40,11 +40,30 @@ at = 7.0
 what = 'acknowledge'
 
 [[event]]
-at = 12.0
+at = 8.0
+what = 'stream'
+clip = 'live'
+
+[[event]]
+at = 11.2
+what = 'gap'
+seconds = 0.3
+
+[[event]]
+at = 13.0
+what = 'gap'
+seconds = 0.9
+
+[[event]]
+at = 14.0
+what = 'acknowledge'
+
+[[event]]
+at = 14.6
 what = 'trigger'
 ";
 
-/// Writes a show of two clips in `folder`.
+/// Writes a show of two clips, and one to be streamed, in `folder`; clips that are there stay.
 fn write_show(folder: &Path, events: &str) -> PathBuf {
     let clip = sample::clip();
     fs::write(folder.join("sample.asf"), sample::asf()).unwrap();
@@ -57,14 +76,20 @@ fn write_show(folder: &Path, events: &str) -> PathBuf {
     for (name, motion, codec) in [
         ("one.mclip", part(0, 100), decoder_core::mclip::CodecId::Dpcm),
         ("two.mclip", part(200, 300), decoder_core::mclip::CodecId::Pcm),
+        ("live.mclip", part(100, 480), decoder_core::mclip::CodecId::Dpcm),
     ] {
+        if folder.join(name).exists() {
+            continue;
+        }
         let encoder = Encoder::new(&clip.skeleton, &motion).unwrap();
-        fs::write(folder.join(name), encoder.encode(&Settings::new(codec), Quality::Bits(8))).unwrap();
+        // Ten entry points a second, for what is streamed.
+        let settings = Settings { entry_frames: 6, block_bytes: 400, ..Settings::new(codec) };
+        fs::write(folder.join(name), encoder.encode(&settings, Quality::Bits(8))).unwrap();
     }
     let show = folder.join("show.toml");
     let text = format!(
         "puppet = 'sample.toml'\nskeleton = 'sample.asf'\nplaylist = ['one', 'two', 'one']\ntrigger = 'two'\n\
-         [[clip]]\nname = 'one'\nfile = 'one.mclip'\n[[clip]]\nname = 'two'\nfile = 'two.mclip'\n{events}"
+         [[clip]]\nname = 'one'\nfile = 'one.mclip'\n[[clip]]\nname = 'two'\nfile = 'two.mclip'\n[[clip]]\nname = 'live'\nfile = 'live.mclip'\n{events}"
     );
     fs::write(&show, text).unwrap();
     show
@@ -105,10 +130,14 @@ fn on_boards(show: &Path, here: &(Value, String), left_us_least: f64) {
         assert!(log == here.1, "the goals on {on} differ");
         let states = |report: &Value| {
             let notes = report["notes"].as_array().unwrap().iter();
-            notes.filter(|note| note["what"] == "state").map(Value::to_string).collect::<Vec<_>>()
+            notes
+                .filter(|note| note["what"] == "state" || note["what"] == "stream")
+                .map(Value::to_string)
+                .collect::<Vec<_>>()
         };
         assert_eq!(states(&report), states(&here.0), "{on}");
         check(&report, here.0["summary"]["faults"].as_array().unwrap().len());
+        assert_eq!(report["summary"]["streams"], here.0["summary"]["streams"], "{on}");
         if on == "sim" {
             // Apart from ticks in which servos are waited for or set up, one by one.
             let cost = &report["summary"]["cost"];
@@ -127,8 +156,27 @@ fn a_disturbed_show_comes_to_its_end_everywhere() {
     let folder = tempfile::tempdir().unwrap();
     let show = write_show(folder.path(), EVENTS);
     let here = run(&show, "host");
-    check(&here.0, 3);
+    check(&here.0, 4);
+    streamed(&here.0);
     on_boards(&show, &here, 5_000.0);
+}
+
+/// The stream of a show: the short gap was bridged, and the long one, of which the second part is silence, is the last fault.
+fn streamed(report: &Value) {
+    let summary = &report["summary"];
+    let [stream] = &summary["streams"].as_array().unwrap()[..] else { panic!("{}", summary["streams"]) };
+    let count = |name: &str| stream[name].as_u64().unwrap();
+    // Whole blocks of a tenth of a second are lost, and each gap is eased back from.
+    assert!((12..=36).contains(&count("concealed")) && count("eased") >= 5, "{stream}");
+    assert!(count("played") > 100 && count("lost") <= count("concealed"), "{stream}");
+    let last = summary["faults"].as_array().unwrap().last().unwrap();
+    assert_eq!(last["fault"], "LinkLost", "{last}");
+    let acknowledged = last["acknowledged_at"].as_f64().unwrap();
+    let again = report["notes"].as_array().unwrap().iter().any(|note| {
+        let at = note["tick"].as_f64().unwrap() / 50.0;
+        note["what"] == "state" && note["text"] == "Playing" && at > acknowledged
+    });
+    assert!(again, "nothing plays after the fault");
 }
 
 /// A show of one short clip on three servos; acknowledged, should there be a fault.
@@ -272,11 +320,20 @@ fn the_board_bears_a_fault_at_any_packet() {
 fn three_trials_come_to_their_end() {
     let Some(motion) = motion() else { return };
     let folder = tempfile::tempdir().unwrap();
-    for (trial, subject, name) in [("02_01", "02", "walk"), ("05_03", "05", "dance"), ("49_04", "49", "leap")]
-    {
+    let live = ["--entry", "12", "--block", "400"];
+    for (trial, subject, name, more) in [
+        ("02_01", "02", "walk", &[][..]),
+        ("05_03", "05", "dance", &[]),
+        ("49_04", "49", "leap", &[]),
+        ("05_02", "05", "live", &live),
+    ] {
         let mut encode = bunraku();
         encode.arg("encode").arg(motion.join(format!("cmu/{trial}.amc"))).arg("--skeleton");
-        encode.arg(motion.join(format!("cmu/{subject}.asf"))).args(["--codec", "dpcm", "--bits", "8", "-o"]);
+        encode
+            .arg(motion.join(format!("cmu/{subject}.asf")))
+            .args(["--codec", "dpcm", "--bits", "8"])
+            .args(more)
+            .arg("-o");
         assert!(encode.arg(folder.path().join(name).with_extension("mclip")).status().unwrap().success());
     }
     fs::copy(motion.join("cmu/02.asf"), folder.path().join("02.asf")).unwrap();
@@ -285,7 +342,7 @@ fn three_trials_come_to_their_end() {
     }
     let show = folder.path().join("show.toml");
     let here = run(&show, "host");
-    check(&here.0, 3);
+    check(&here.0, 4);
     let servos = here.0["summary"]["servos"].as_array().unwrap();
     assert_eq!(servos.len(), 20);
     if std::env::var_os("BUNRAKU_SHOWS").is_some() {
@@ -310,5 +367,6 @@ fn a_wrong_show_is_one_sentence() {
     refused("[[event]]\nat = 1\nwhat = 'speed'\nfactor = 9.0\n", "the speed is 9, expected 0.25 to 4");
     refused("[[clip]]\nname = 'one'\nfile = 'two.mclip'\n", "two clips have the name \"one\"");
     refused("[[clip]]\nname = 'x'\nfile = 'none.mclip'\n", "none.mclip");
+    refused("[[event]]\nat = 1\nwhat = 'gap'\nseconds = -1\n", "the gap is -1 s, expected 0 to 60");
     refused("tempo = 3\n", "unknown field `tempo`");
 }

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::{env, fs};
 
 const NOTHING: &str = "/// What plays by itself.\nconst SHOW: Show<'static> = Show { playlist: &[], repeats: false, idle_clip: None, \
-    trigger_clip: None, after: After::Home };\n/// Commands with their ticks.\nstatic ORDERS: [(u32, Command); 0] = [];\n";
+    trigger_clip: None, after: After::Home };\n/// What happens at which tick.\nstatic ORDERS: [(u32, Order); 0] = [];\n";
 
 fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
@@ -70,7 +70,7 @@ fn source(clips: &[(PathBuf, Vec<u8>)]) -> String {
     let room =
         format!("/// Clips that there is room for.\npub const COUNT: usize = {};\n", clips.len().max(1));
     let sizes = sizes.map(|(name, size)| format!("const {name}: usize = {size};\n")).concat();
-    format!("{sizes}{room}static FILES: [&[u8]; CLIPS] = [\n{list}];\n")
+    format!("{sizes}{room}/// The clips.\npub static FILES: [&[u8]; CLIPS] = [\n{list}];\n")
 }
 
 fn variable(name: &str) -> Option<String> {

@@ -25,8 +25,10 @@
 //! # }
 //! ```
 
+mod with_live;
 mod worker;
 
+pub use with_live::{ClipOrLive, WithLive};
 pub use worker::{Post, Worker, Workspace, decode};
 
 use crate::stage::Library;

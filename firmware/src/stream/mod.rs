@@ -281,6 +281,16 @@ impl<'s> Live<'s> {
         self.counters.get()
     }
 
+    /// Whether it plays.
+    pub const fn plays(&self) -> bool {
+        self.state.get().playing
+    }
+
+    /// Frames per second in hundredths; 0 before the header is there.
+    pub const fn rate_centihertz(&self) -> u16 {
+        self.state.get().rate_centihertz
+    }
+
     /// How far it is.
     pub fn progress(&self) -> Progress {
         let State { frames, position, next, .. } = self.state.get();

@@ -73,6 +73,7 @@ enum Mode {
 
 /// What a frame was made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Made {
     /// It is the frame that was sent.
     Right,

@@ -97,6 +97,12 @@ fn print(program: &Program, ran: &Ran, summary: &Summary) {
             fault.acknowledged_at.map_or(String::new(), |at| format!(", acknowledged at {at:.2} s"));
         println!("  {:.2} s: {}; {settled}{acknowledged}", fault.at, fault.fault);
     }
+    for stream in &summary.streams {
+        println!(
+            "  {:.2} to {:.2} s live: {} frames as sent, {} concealed, {} on the way back, {} passed over",
+            stream.from, stream.to, stream.played, stream.concealed, stream.eased, stream.lost
+        );
+    }
     if let Some(servo) = summary.servos.iter().max_by(|one, other| one.error_rms.total_cmp(&other.error_rms))
     {
         println!(

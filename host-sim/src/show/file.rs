@@ -5,9 +5,13 @@ use crate::files;
 use crate::puppet::{Map, Puppet, place};
 use crate::servos::{Deed, config};
 use anyhow::{Context, Result, anyhow, bail, ensure};
+use decoder_core::mclip::Prefix;
 use encoder::skeleton::Skeleton;
 use firmware::clock::Speed;
 use firmware::machine::{After, Command, Show};
+use firmware::script;
+use firmware::sender::{STREAM, StreamMemory};
+use firmware::stream::Live;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::{Spanned, Table};
@@ -35,8 +39,8 @@ pub struct Program {
     pub trigger_clip: Option<u16>,
     /// What comes after the clips.
     pub after: After,
-    /// Commands with their ticks, in order.
-    pub orders: Vec<(u32, Command)>,
+    /// Commands and what is streamed, with their ticks, in order.
+    pub orders: Vec<(u32, script::Order)>,
     /// What happens to the servos, with its tick.
     pub deeds: Vec<(u32, Deed)>,
     /// All events as they were written: seconds and what.
@@ -76,7 +80,7 @@ struct ClipEntry {
     file: PathBuf,
 }
 
-/// What a puppet can be told by a show.
+/// What a puppet can be told by a show, and what its link does.
 #[derive(Deserialize)]
 #[serde(tag = "what", rename_all = "kebab-case", deny_unknown_fields)]
 enum Order {
@@ -102,6 +106,12 @@ enum Order {
         clip: String,
         #[serde(default)]
         repeats: bool,
+    },
+    Stream {
+        clip: String,
+    },
+    Gap {
+        seconds: f64,
     },
 }
 
@@ -159,7 +169,8 @@ impl Program {
             } else {
                 let order = table.try_into::<Order>();
                 let order = order.map_err(|error| anyhow!("{}: {}", context(), error.message()))?;
-                orders.push((tick, command(order, number).with_context(context)?));
+                let order = command(order, map.tick_hz(), &clips, number);
+                orders.push((tick, order.with_context(context)?));
             }
         }
         orders.sort_by_key(|(tick, _)| *tick);
@@ -234,11 +245,27 @@ fn clips(
     Ok(clips)
 }
 
-fn command(order: Order, number: impl Fn(&str) -> Option<usize>) -> Result<Command> {
+/// Whether a stream's memory takes a clip.
+fn streams(path: &Path, bytes: &[u8]) -> Result<()> {
+    let refused = || format!("{} cannot be streamed", path.display());
+    let header = Prefix::read(bytes).with_context(refused)?.header_bytes;
+    let mut memory = Box::new(StreamMemory::new());
+    let live = Live::new(memory.lend().0, STREAM);
+    live.begin(u32::try_from(header)?).with_context(refused)?;
+    live.header(0, bytes.get(..header).unwrap_or_default()).with_context(refused)?;
+    Ok(())
+}
+
+fn command(
+    order: Order,
+    tick_hz: u16,
+    clips: &[(String, PathBuf, Vec<u8>)],
+    number: impl Fn(&str) -> Option<usize>,
+) -> Result<script::Order> {
     let clip = |name: String| {
         number(&name).map(|number| number as u16).with_context(|| format!("there is no [[clip]] \"{name}\""))
     };
-    Ok(match order {
+    Ok(script::Order::Command(match order {
         Order::Trigger => Command::Trigger,
         Order::Acknowledge => Command::Acknowledge,
         Order::Pause => Command::Pause,
@@ -253,7 +280,18 @@ fn command(order: Order, number: impl Fn(&str) -> Option<usize>) -> Result<Comma
         Order::Seek { frame } => Command::Seek { frame },
         Order::Play { clip: name, repeats } => Command::Play { clip: clip(name)?, repeats },
         Order::Queue { clip: name, repeats } => Command::Queue { clip: clip(name)?, repeats },
-    })
+        Order::Stream { clip: name } => {
+            let clip = clip(name)?;
+            if let Some((_, path, bytes)) = clips.get(usize::from(clip)) {
+                streams(path, bytes)?;
+            }
+            return Ok(script::Order::Stream { clip });
+        }
+        Order::Gap { seconds } if (0.0..=60.0).contains(&seconds) => {
+            return Ok(script::Order::Gap { ticks: (seconds * f64::from(tick_hz)).round() as u32 });
+        }
+        Order::Gap { seconds } => bail!("the gap is {seconds} s, expected 0 to 60"),
+    }))
 }
 
 /// An event in a few words: `restart, servo 7`.

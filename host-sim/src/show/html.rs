@@ -6,6 +6,7 @@ use super::run::{Ran, What};
 use super::summary::{Summary, Track, tracks};
 use crate::profile::html::STYLE;
 use crate::profile::svg::escape;
+use firmware::clips::LIVE;
 use firmware::limits::FINE_BITS;
 use firmware::map::Joint;
 use std::fmt::{Result, Write};
@@ -18,6 +19,7 @@ polyline { fill: none; stroke-width: 1.3; stroke-linejoin: round } .goal { strok
 .error { stroke: var(--bad) } .speed { stroke: var(--bar) } .sudden { stroke: var(--seen); stroke-width: 0.8 } .left { stroke: var(--bar) } .busy { stroke: var(--seen) }
 .limit { stroke: var(--soft); stroke-dasharray: 2 4 } .mark { stroke: var(--bad); stroke-width: 1; opacity: .55 } svg text.what { fill: var(--ink); font-size: 11.5px } svg text.on { fill: var(--ink) } svg text.unit { font-size: 11px }
 .state { fill: var(--s0) } .state.Easing, .state.Returning { fill: var(--s1) } .state.Playing { fill: var(--s2) } .state.Stopping { fill: var(--s3) } .state.Holding, .state.Resting { fill: var(--s4) } .state.Limp { fill: var(--bad) }
+.made.Right { fill: var(--s2) } .made.Reckoned { fill: var(--bad) } .made.Eased { fill: var(--s3) }
 .clip0 { fill: #56b4e9 } .clip1 { fill: #e69f00 } .clip2 { fill: #009e73 } .clip3 { fill: #cc79a7 } .clip4 { fill: #9e8e00 } .latched { fill: var(--bad) } svg text.on { paint-order: stroke; stroke: var(--panel); stroke-width: 2.5px }
 .servos { display: grid; grid-template-columns: repeat(auto-fill, minmax(500px, 1fr)); gap: 10px } .servos figure { margin: 0 } .key b { font-weight: 600 } .key .g { color: var(--goal) } .key .p { color: var(--seen) }
 .tiles { display: flex; flex-wrap: wrap; gap: 10px; margin: 14px 0 } .tiles div { background: var(--panel); border: 1px solid var(--line); border-radius: 8px; padding: 8px 14px } .tiles b { display: block; font-size: 19px; font-variant-numeric: tabular-nums } .good b { color: var(--goal) } .bad b { color: var(--bad) }
@@ -62,6 +64,7 @@ pub fn write(page: &mut dyn Write, program: &Program, ran: &Ran, summary: &Summa
     time_line(page, WIDE, seconds, &rows(program, ran, summary), marks)?;
     writeln!(page, "</figure>")?;
     faults(page, summary)?;
+    streams(page, summary)?;
     over_all(page, program, ran, summary, &tracks)?;
 
     writeln!(
@@ -112,6 +115,10 @@ fn tiles(page: &mut dyn Write, summary: &Summary) -> Result {
             "from a fault to a held pose, at most".to_owned(),
         ));
     }
+    if !summary.streams.is_empty() {
+        let concealed: u32 = summary.streams.iter().map(|stream| stream.concealed).sum();
+        tiles.push(("", concealed.to_string(), "streamed frames concealed".to_owned()));
+    }
     if let Some(cost) = &summary.cost {
         tiles.push(("", format!("{:.2} ms", cost.left_us_median / 1e3), "left of a tick, median".to_owned()));
         tiles.push((good(cost.overrun == 0), cost.overrun.to_string(), "ticks overrun".to_owned()));
@@ -143,12 +150,21 @@ fn rows<'a>(program: &Program, ran: &Ran, summary: &Summary) -> Vec<(&'a str, Ve
     };
     let clip = |text: &str| {
         let clip = text.parse::<usize>().ok().and_then(|number| program.clips.get(number));
-        clip.map_or(text.to_owned(), |(name, ..)| name.clone())
+        match clip {
+            Some((name, ..)) => name.clone(),
+            None if text.parse() == Ok(LIVE) => "live".to_owned(),
+            None => text.to_owned(),
+        }
+    };
+    let made = |text: &str| {
+        let words = [("Right", "received"), ("Reckoned", "concealed"), ("Eased", "eased")];
+        words.iter().find(|(made, _)| *made == text).map_or(text, |(_, word)| word).to_owned()
     };
     let colour = |text: &str| format!("clip{}", text.parse::<usize>().unwrap_or(0) % 5);
     vec![
         ("state", spans(What::State, &|text| format!("state {text}"), &str::to_owned)),
         ("clip", spans(What::Clip, &colour, &clip)),
+        ("stream", spans(What::Stream, &|text| format!("made {text}"), &made)),
         ("fault", spans(What::Fault, &|_| "latched".to_owned(), &str::to_owned)),
     ]
 }
@@ -171,6 +187,25 @@ fn faults(page: &mut dyn Write, summary: &Summary) -> Result {
             fault.state,
             fault.settled_ms.map_or("never".to_owned(), |ms| format!("{ms:.0} ms")),
             fault.acknowledged_at.map_or("no".to_owned(), |at| format!("{at:.2} s"))
+        )?;
+    }
+    writeln!(page, "</table></div>")
+}
+
+fn streams(page: &mut dyn Write, summary: &Summary) -> Result {
+    if summary.streams.is_empty() {
+        return Ok(());
+    }
+    writeln!(
+        page,
+        "<h2>Live streams</h2>\n<div class=\"scroll\"><table>\n<tr><th>from</th><th>to</th><th>frames as sent</th><th>concealed</th>\
+         <th>on the way back</th><th>passed over</th></tr>"
+    )?;
+    for stream in &summary.streams {
+        writeln!(
+            page,
+            "<tr><td>{:.2} s</td><td>{:.2} s</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            stream.from, stream.to, stream.played, stream.concealed, stream.eased, stream.lost
         )?;
     }
     writeln!(page, "</table></div>")

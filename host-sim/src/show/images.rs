@@ -5,6 +5,7 @@ use crate::image::Image;
 use crate::puppet;
 use anyhow::Result;
 use firmware::machine::{After, Command};
+use firmware::script::Order;
 use std::fmt::Write as _;
 
 /// The board: QEMU's mps2-an386, as that of `qemu-mps2`.
@@ -45,7 +46,7 @@ pub fn build(program: &Program, slack_us: u32) -> Result<Vec<u8>> {
     Ok(image.build()?.concat())
 }
 
-/// The show as constants: what it plays by itself, and its commands.
+/// The show as constants: what it plays by itself, and its orders.
 fn show_source(program: &Program) -> String {
     let Program { playlist, repeats, idle_clip, trigger_clip, after, orders, .. } = program;
     let after = match after {
@@ -55,16 +56,19 @@ fn show_source(program: &Program) -> String {
     let mut source = format!(
         "/// What plays by itself.\nconst SHOW: Show<'static> = Show {{ playlist: &{playlist:?}, repeats: {repeats}, \
          idle_clip: {idle_clip:?}, trigger_clip: {trigger_clip:?}, after: {after} }};\n\
-         /// Commands with their ticks.\nstatic ORDERS: [(u32, Command); {}] = [\n",
+         /// What happens at which tick.\nstatic ORDERS: [(u32, Order); {}] = [\n",
         orders.len()
     );
-    for (tick, command) in orders {
-        let command = match command {
-            Command::Speed(speed) => format!("Speed(Speed::new({}))", speed.parts()),
+    for (tick, order) in orders {
+        let order = match order {
+            Order::Command(Command::Speed(speed)) => {
+                format!("Command(Command::Speed(Speed::new({})))", speed.parts())
+            }
+            Order::Command(command) => format!("Command(Command::{command:?})"),
             other => format!("{other:?}"),
         };
         // Writing to a string does not fail.
-        let _ = writeln!(source, "    ({tick}, Command::{command}),");
+        let _ = writeln!(source, "    ({tick}, Order::{order}),");
     }
     source.push_str("];\n");
     source

@@ -22,6 +22,16 @@
 //! [[event]]
 //! at = 5.0
 //! what = "acknowledge"      # or trigger, pause, resume, stop, home, link-lost, speed (factor), seek (frame), play, queue (clip)
+//!
+//! [[event]]
+//! at = 7.0
+//! what = "stream"           # the clip is sent live from here on, block by block, and plays as it comes (65535 in the log)
+//! clip = "walk"             # a .mclip: with ten entry points a second a gap is over soonest (encode --entry 12 --block 400)
+//!
+//! [[event]]
+//! at = 8.0
+//! what = "gap"              # what is sent is lost: concealed, and after half a second a lost link
+//! seconds = 0.3
 //! ```
 //!
 //! Time counts ticks in which goals are sent, so that all three runs tell the servos the same.
@@ -36,4 +46,4 @@ mod summary;
 pub use file::Program;
 pub use html::write;
 pub use run::{Cost, Note, Ran, Tamper, What, image, on_host, on_qemu, on_sim, on_sim_wire};
-pub use summary::{ServoSummary, Summary};
+pub use summary::{ServoSummary, StreamSummary, Summary};

@@ -10,14 +10,18 @@ use crate::qemu;
 use crate::qemu_log::Log;
 use crate::thumb::{Board, Core, Image, Machine, Stop};
 use anyhow::{Context, Result, anyhow, bail};
+use firmware::clips::{Post, WithLive, Worker, decode};
 use firmware::drive::Surroundings;
 use firmware::fault::{Fault, Feedback};
 use firmware::library::Shelf;
 use firmware::machine::{Machine as Puppet, Start, State};
 use firmware::map::MAX_SERVOS;
 use firmware::script::Script;
+use firmware::sender::{STREAM, Sender, StreamMemory};
 use firmware::stage::Library;
+use firmware::stream::{Counters, Live, Made};
 use serde::Serialize;
+use std::pin::pin;
 use std::time::Duration;
 
 /// Microseconds that servos on the simulated wire may be late.
@@ -49,6 +53,10 @@ pub enum What {
     Clip,
     /// A command that the puppet did not take.
     Refused,
+    /// How frames of a live stream are made: `Right`, `Reckoned` or `Eased`; the text is empty where none plays.
+    Stream,
+    /// A stream has ended: frames that were played as they were sent, concealed, eased, and lost.
+    Streamed,
 }
 
 /// What a tick cost on the simulated board.
@@ -101,13 +109,20 @@ pub fn on_host(program: &Program) -> Result<Ran> {
     let mut decoders = decoders?;
     let library =
         Shelf::<_, { super::file::MOST_CLIPS }>::of(decoders.iter_mut().map(|frames| &mut **frames));
+    let mut memory = Box::new(StreamMemory::new());
+    let (memory, decoder, pose) = memory.lend();
+    let (live, post) = (Live::new(memory, STREAM), Post::new());
+    let task = pin!(decode(&post, decoder, &live));
+    let library = WithLive::new(library, Worker::new(task, &post, pose));
+    let bytes: Vec<&[u8]> = program.clips.iter().map(|(.., bytes)| bytes.as_slice()).collect();
     let mut puppet = Puppet::new(&program.map, library, program.show(), Start::Power);
     let mut stage = Stage {
-        script: Script::new(&program.orders),
+        script: Script::new(&program.orders, Sender::new(&bytes, &live)),
         notes: Vec::new(),
         state: None,
         fault: None,
         clip: None,
+        made: None,
         most: most_ticks(program)?,
     };
     let recorder = on_the_spot(&mut puppet, recorder(program)?, &mut stage)?;
@@ -133,22 +148,23 @@ fn most_ticks(program: &Program) -> Result<u32> {
     Ok(((4.0 * clips + last + 60.0) * f64::from(program.map.tick_hz())) as u32)
 }
 
-struct Stage<'s> {
-    script: Script<'s>,
+struct Stage<'s, 'l> {
+    script: Script<'s, 'l>,
     notes: Vec<Note>,
     state: Option<State>,
     fault: Option<Fault>,
     clip: Option<u16>,
+    made: Option<Made>,
     most: u32,
 }
 
-impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_> {
+impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_, '_> {
     async fn wait(&mut self, _: u32) -> bool {
         false
     }
 
     fn control(&mut self, puppet: &mut Puppet<'_, L, MAX_SERVOS>, _: &Feedback<'_>) -> bool {
-        let Self { script, notes, state, fault, clip, most } = self;
+        let Self { script, notes, state, fault, clip, made, most } = self;
         let mut refused = Vec::new();
         let goes_on =
             script.control(puppet, |command, error| refused.push(format!("{command:?}: {error:?}")));
@@ -164,6 +180,14 @@ impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_> {
         let plays = puppet.stage().position().map(|(clip, ..)| clip);
         if std::mem::replace(clip, plays) != plays {
             note(What::Clip, plays.map_or(String::new(), |clip| clip.to_string()));
+        }
+        let now = script.sender().made();
+        if std::mem::replace(made, now) != now {
+            note(What::Stream, now.map_or(String::new(), |made| format!("{made:?}")));
+            if now.is_none() {
+                let Counters { played, concealed, eased, lost, .. } = script.sender().counters();
+                note(What::Streamed, format!("{played} {concealed} {eased} {lost}"));
+            }
         }
         goes_on && tick < *most
     }
@@ -281,6 +305,8 @@ fn read(line: &str, notes: &mut Vec<Note>, log: &mut dyn FnMut(&str)) {
             "fault" => What::Fault,
             "clip" => What::Clip,
             "refused" => What::Refused,
+            "stream" => What::Stream,
+            "streamed" => What::Streamed,
             _ => return None,
         };
         Some(Note { tick, what, text: words.next().unwrap_or_default().trim().to_owned() })
@@ -407,6 +433,8 @@ mod tests {
             "info: tick 31 fault Silent { servo: 3 }",
             "info: tick 40 fault ",
             "info: tick 41 clip 2",
+            "info: tick 42 stream Right",
+            "info: tick 43 streamed 7 2 3 1",
             "info: tick soon",
             "warn: something",
         ] {
@@ -418,6 +446,8 @@ mod tests {
             note(31, What::Fault, "Silent { servo: 3 }"),
             note(40, What::Fault, ""),
             note(41, What::Clip, "2"),
+            note(42, What::Stream, "Right"),
+            note(43, What::Streamed, "7 2 3 1"),
         ];
         assert_eq!(
             (notes, rest),

@@ -53,6 +53,23 @@ pub struct FaultSummary {
     pub acknowledged_at: Option<f64>,
 }
 
+/// A live stream that has ended, in frames.
+#[derive(Clone, Debug, Serialize)]
+pub struct StreamSummary {
+    /// When it began to play, and when it ended, in seconds.
+    pub from: f64,
+    /// See `from`.
+    pub to: f64,
+    /// Frames that were played as they were sent.
+    pub played: u32,
+    /// Frames that were made up, since the right ones were not there.
+    pub concealed: u32,
+    /// Frames on the way back from those.
+    pub eased: u32,
+    /// Frames that the decoder passed over on to an entry point.
+    pub lost: u32,
+}
+
 /// Ticks on the simulated board.
 #[derive(Clone, Debug, Serialize)]
 pub struct CostSummary {
@@ -93,6 +110,8 @@ pub struct Summary {
     pub outside_limits: u32,
     /// Faults in order.
     pub faults: Vec<FaultSummary>,
+    /// Live streams in order.
+    pub streams: Vec<StreamSummary>,
     /// Servos in the map's order.
     pub servos: Vec<ServoSummary>,
     /// Costs of ticks, where they were counted.
@@ -123,6 +142,7 @@ impl Summary {
             refused: ran.recording.refused,
             outside_limits: servos.iter().map(|servo| servo.outside_limits).sum(),
             faults: faults(program, ran, hz),
+            streams: streams(ran, hz),
             servos,
             cost: cost(&ran.costs),
         }
@@ -228,6 +248,30 @@ fn faults(program: &Program, ran: &Ran, hz: f64) -> Vec<FaultSummary> {
         });
     }
     faults
+}
+
+fn streams(ran: &Ran, hz: f64) -> Vec<StreamSummary> {
+    let (mut streams, mut began) = (Vec::new(), None);
+    for note in &ran.notes {
+        let at = f64::from(note.tick) / hz;
+        match note.what {
+            What::Stream => _ = began.get_or_insert(at),
+            What::Streamed => {
+                let mut counts = note.text.split(' ').map(|count| count.parse().unwrap_or(0));
+                let mut next = || counts.next().unwrap_or(0);
+                streams.push(StreamSummary {
+                    from: began.take().unwrap_or(at),
+                    to: at,
+                    played: next(),
+                    concealed: next(),
+                    eased: next(),
+                    lost: next(),
+                });
+            }
+            _ => {}
+        }
+    }
+    streams
 }
 
 /// A fault with the servo's own id and its joint: `Silent { servo: 6 }` is `Silent: servo 7 (left shoulder swing)`.

@@ -12,9 +12,11 @@ mod time;
 #[path = "../../qemu-mps2/src/uart.rs"]
 mod uart;
 
+use core::pin::pin;
 use embassy_executor::Spawner;
 use embassy_time::{Delay, Duration, Instant, Timer};
 use firmware::bus::port::{Automatic, Line, Port};
+use firmware::clips::{Post, WithLive, Worker, decode};
 #[allow(unused_imports, reason = "not every show sets a speed")]
 use firmware::clock::Speed;
 use firmware::drive::{Surroundings, drive};
@@ -22,10 +24,13 @@ use firmware::dynamixel::bus::DynamixelBus;
 use firmware::dynamixel::client::Client;
 use firmware::fault::{Fault, Feedback};
 use firmware::library::Shelf;
+#[allow(unused_imports, reason = "not every show has commands")]
 use firmware::machine::{After, Command, Machine, Show, Start, State};
 use firmware::map::{JointMap, MAX_SERVOS};
-use firmware::script::Script;
+use firmware::script::{Order, Script};
+use firmware::sender::{STREAM, Sender, StreamMemory};
 use firmware::stage::Library;
+use firmware::stream::{Counters, Live, Made};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 
@@ -53,6 +58,11 @@ async fn main(_spawner: Spawner) {
         Err(error) => defmt::panic!("clip: {}", error),
     };
     let library = Shelf::<_, { clips::COUNT }>::of(decoders.iter_mut().map(clips::Decoder::frames));
+    let mut memory = StreamMemory::new();
+    let (memory, decoder, pose) = memory.lend();
+    let (live, post) = (Live::new(memory, STREAM), Post::new());
+    let task = pin!(decode(&post, decoder, &live));
+    let library = WithLive::new(library, Worker::new(task, &post, pose));
     let mut puppet = Machine::new(&map, library, SHOW, Start::Power);
     let baud = map.buses().first().map_or(0, |bus| bus.baud);
     let uart = match uart::Uart::new(core.NVIC, baud) {
@@ -64,33 +74,35 @@ async fn main(_spawner: Spawner) {
     let mut stage = Stage {
         map: &map,
         start: Instant::now(),
-        script: Script::new(&ORDERS),
+        script: Script::new(&ORDERS, Sender::new(&clips::FILES, &live)),
         state: None,
         fault: None,
         clip: None,
+        made: None,
     };
     drive(&mut puppet, &mut bus, &mut stage).await;
     exit::success()
 }
 
 /// The show, and what was told last. A simulated board's clock says nothing about deadlines: under QEMU it is the host's.
-struct Stage<'m> {
+struct Stage<'m, 'l> {
     map: &'m JointMap<MAX_SERVOS>,
     start: Instant,
-    script: Script<'static>,
+    script: Script<'m, 'l>,
     state: Option<State>,
     fault: Option<Fault>,
     clip: Option<u16>,
+    made: Option<Made>,
 }
 
-impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_> {
+impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_, '_> {
     async fn wait(&mut self, tick: u32) -> bool {
         Timer::at(self.start + Duration::from_micros(self.map.tick_micros(tick))).await;
         false
     }
 
     fn control(&mut self, puppet: &mut Machine<'_, L, MAX_SERVOS>, _: &Feedback<'_>) -> bool {
-        let Self { script, state, fault, clip, .. } = self;
+        let Self { script, state, fault, clip, made, .. } = self;
         // Refusals come with the tick that has just begun, which the script counts before it gives commands.
         let next = script.tick().map_or(0, |tick| tick.saturating_add(1));
         let goes_on = script.control(puppet, |command, error| {
@@ -111,6 +123,17 @@ impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_> {
             match plays {
                 Some(clip) => defmt::info!("tick {} clip {}", tick, clip),
                 None => defmt::info!("tick {} clip ", tick),
+            }
+        }
+        let now = script.sender().made();
+        if core::mem::replace(made, now) != now {
+            match now {
+                Some(made) => defmt::info!("tick {} stream {}", tick, made),
+                None => {
+                    let Counters { played, concealed, eased, lost, .. } = script.sender().counters();
+                    defmt::info!("tick {} stream ", tick);
+                    defmt::info!("tick {} streamed {} {} {} {}", tick, played, concealed, eased, lost);
+                }
             }
         }
         goes_on
