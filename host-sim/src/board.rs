@@ -24,6 +24,8 @@ pub struct Board {
     /// Bytes of its flash for the image and of its RAM, as in its memory.x.
     flash: u64,
     ram: u64,
+    /// Whether a host can upload clips; all play at their own rate then.
+    has_host: bool,
 }
 
 const KB: u64 = 1 << 10;
@@ -36,6 +38,7 @@ pub const QEMU_MPS2: Board = Board {
     target: "thumbv7em-none-eabi",
     flash: 4 * MB,
     ram: 4 * MB,
+    has_host: false,
 };
 
 /// Raspberry Pi Pico.
@@ -45,6 +48,7 @@ pub const RP2040: Board = Board {
     target: "thumbv6m-none-eabi",
     flash: MB,
     ram: 264 * KB,
+    has_host: true,
 };
 
 /// All.
@@ -57,6 +61,7 @@ pub const BOARDS: [Board; 5] = [
         target: "thumbv8m.main-none-eabi",
         flash: MB,
         ram: 512 * KB,
+        has_host: true,
     },
     Board {
         name: "stm32f411",
@@ -64,6 +69,7 @@ pub const BOARDS: [Board; 5] = [
         target: "thumbv7em-none-eabi",
         flash: 512 * KB,
         ram: 128 * KB,
+        has_host: false,
     },
     Board {
         name: "nrf52840",
@@ -71,6 +77,7 @@ pub const BOARDS: [Board; 5] = [
         target: "thumbv7em-none-eabi",
         flash: MB,
         ram: 256 * KB,
+        has_host: false,
     },
 ];
 
@@ -86,8 +93,12 @@ impl Board {
     /// standard error.
     ///
     /// # Errors
-    /// A sentence that says what is missing: the source, cargo, the target, or what cargo could not build.
+    /// A sentence that says what is missing: the source, cargo, the target, or what cargo could not build; and where a rate is
+    /// given to a board that plays clips at their own.
     pub fn build(&self, clip: &[u8], map: &Map, centihertz: u16) -> Result<Vec<u8>> {
+        if self.has_host && centihertz != 0 {
+            bail!("this board plays clips at their own rate, and not at another one: leave --fps out");
+        }
         let image = Image {
             package: self.name,
             source: self.source,

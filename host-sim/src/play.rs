@@ -195,9 +195,6 @@ pub fn on_rp2040(
     centihertz: u16,
     log: &mut dyn FnMut(&str),
 ) -> Result<(Recording, rp2040js::Figures)> {
-    if centihertz != 0 {
-        bail!("this board plays clips at their own rate, and not at another one: leave --fps out");
-    }
     let elf = board::RP2040.build(bytes, map, centihertz)?;
     let mut recorder = Recorder::new(map)?;
     let limit = limit(clip.frames(), rate(clip, centihertz));
