@@ -250,7 +250,9 @@ fn recorded_clips_come_through_and_losses_are_bridged_without_a_step() {
             all.eased_cm /= f64::from(eased);
             println!("{loss} % lost, {entries} entry points a second, {bytes} bytes: {all:.2?}");
             // Holding is as good where a loss lasts for a second: half a second to the next entry point, and lost again.
-            assert!(entries < 10.0 && loss == 20 || all.concealed_cm < all.held_cm);
+            // With two entry points a second half a second is made up after each loss: too long for either.
+            let worse = if entries < 10.0 { 1.1 } else { 1.0 };
+            assert!(all.concealed_cm < worse * all.held_cm);
             assert!(all.step < 3.0 && all.step < all.held_step / 4.0);
         }
     }
