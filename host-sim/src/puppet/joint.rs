@@ -84,8 +84,10 @@ impl Puppet {
             )
         });
         let acceleration = acceleration.map(|value| (value * scale / (hz * hz) * fine).clamp(1.0, most));
-        let idle = match (&entry.idle, range) {
-            (Some(spanned), Some((min, max))) => {
+        let idle = match &entry.idle {
+            Some(spanned) => {
+                // Without a range that is one, the servo's own.
+                let (min, max) = range.unwrap_or((f64::from(lowest), f64::from(highest)));
                 let entry = *spanned.get_ref();
                 let goals = |value: f64| {
                     let goals = (sign * scale * value).round();
@@ -100,7 +102,7 @@ impl Puppet {
                 };
                 mistakes.note(idle())
             }
-            _ => Some(Idle::default()),
+            None => Some(Idle::default()),
         };
         let scale = I16F16::saturating_from_num(sign * scale);
         if scale == I16F16::ZERO {

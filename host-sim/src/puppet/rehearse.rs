@@ -174,13 +174,13 @@ mod tests {
         let near = |found: Worst, value: f64, seconds: f64| {
             assert!((found.value - value).abs() < 0.05 && found.seconds == seconds, "{found:?}, not {value}");
         };
-        // 10 frames a second and as many ticks: a step of 4 is 40 a second, one of 8 is 80.
-        let mut frames = Given(vec![0.0, 4.0, 8.0, 12.0, 20.0, 28.0, 28.0], 0, [I16F16::ZERO; 31]);
+        // 10 frames a second and as many ticks: a step of 4 is 40 a second, one of 8.1 is 81.
+        let mut frames = Given(vec![0.0, 4.0, 8.0, 11.9, 20.0, 28.0, 28.0], 0, [I16F16::ZERO; 31]);
         let [demand] = &rehearse(&mut frames, &map).unwrap()[..] else { panic!() };
         near(demand.beyond_range, 8.0, 0.5);
         let (first, ticks) = demand.out_of_range.unwrap();
         assert_eq!((first, ticks), (0.5, 2));
-        near(demand.speed, 80.0, 0.4);
+        near(demand.speed, 81.0, 0.4);
         assert_eq!((demand.too_fast, demand.too_sudden), (2, 0));
         near(demand.acceleration, 800.0, 0.6);
         near(demand.off, 8.0, 0.5);

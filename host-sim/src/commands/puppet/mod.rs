@@ -12,6 +12,9 @@ use std::process::ExitCode;
 
 /// Check a puppet.toml, find its servos on real ports, and measure its joints by hand.
 #[derive(clap::Args)]
+#[command(
+    after_help = "Example:\n  bunraku puppet check puppets/cmu-12.toml --clip walk.mclip\n  bunraku puppet scan --puppet puppets/cmu-12.toml --on /dev/ttyUSB0"
+)]
 pub struct Args {
     #[command(subcommand)]
     command: Command,
