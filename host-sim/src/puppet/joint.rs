@@ -182,6 +182,7 @@ impl Puppet {
         if found > 0.0 && found <= highest {
             return Ok(found);
         }
-        Err(self.wrong(value, &format!("found {found}, expected more than 0 and at most {highest}")))
+        let most = if highest < f64::MAX { format!(" and at most {highest}") } else { String::new() };
+        Err(self.wrong(value, &format!("found {found}, expected more than 0{most}")))
     }
 }

@@ -69,7 +69,9 @@ pub(super) fn number(model: &Model) -> Result<u16, String> {
         return Ok(*number);
     }
     let mut near: Vec<&str> = MODELS.iter().map(|(name, _)| *name).collect();
-    near.sort_by_key(|name| strsim::levenshtein(name, wanted));
+    // What models begin with is their series.
+    let likeness = |name: &str| strsim::jaro_winkler(name, wanted);
+    near.sort_by(|one, other| likeness(other).total_cmp(&likeness(one)));
     near.truncate(3);
     Err(format!(
         "the model \"{wanted}\" is not known; the nearest are {}; its number does too",
