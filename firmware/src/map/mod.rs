@@ -130,6 +130,7 @@ const fn scaled_in_halves(value: i32, scale: i32) -> i32 {
 
 /// What servos hang on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BusKind {
     /// Dynamixel protocol 2.0.

@@ -43,34 +43,8 @@ pub(super) enum OnFault {
 #[serde(deny_unknown_fields)]
 pub(super) struct BusEntry {
     pub(super) name: Spanned<String>,
-    pub(super) kind: Kind,
+    pub(super) kind: BusKind,
     pub(super) baud: Spanned<u32>,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum Kind {
-    Dynamixel,
-    Dynamixel1,
-    Sts,
-    Scs,
-    Pwm,
-    Pca9685,
-    Blender,
-}
-
-impl From<Kind> for BusKind {
-    fn from(kind: Kind) -> Self {
-        match kind {
-            Kind::Dynamixel => Self::Dynamixel,
-            Kind::Dynamixel1 => Self::Dynamixel1,
-            Kind::Sts => Self::Sts,
-            Kind::Scs => Self::Scs,
-            Kind::Pwm => Self::Pwm,
-            Kind::Pca9685 => Self::Pca9685,
-            Kind::Blender => Self::Blender,
-        }
-    }
 }
 
 #[derive(Debug, Deserialize)]

@@ -291,7 +291,7 @@ impl Puppet {
                         return Err(self.wrong(&entry.baud, "found 0, expected more"));
                     }
                     buses
-                        .push(BusSpec { kind: entry.kind.into(), baud: *entry.baud.get_ref() })
+                        .push(BusSpec { kind: entry.kind, baud: *entry.baud.get_ref() })
                         .map_err(|_| self.wrong(&entry.name, &format!("more than {MAX_BUSES} buses")))?;
                 }
                 Ok(buses)
