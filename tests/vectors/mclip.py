@@ -300,12 +300,15 @@ class Clip:
         for channel in self.channels:
             value = bits.signed(channel.entry_bits) << channel.shift if channel.entry_bits else channel.low
             self.states.append(State(channel, wrap(value)))
+            if self.codec == ADPCM:
+                lowest, highest = self.parameters[16:18]
+                self.states[-1].step = clamp(channel.step, lowest, highest)
         self.align(bits)
 
     def next(self, number, state, c):
         x1, x2, a, (a1, a2), b = state.x1, state.x2, state.coefficient, state.alpha, state.bits
         window = self.parameters[18] if self.codec == ADPCM else 0
-        first, second = x1 - a * (x1 >> 16), x1 + (wrap(clamp(a, -128, 127) * wrap(x1 - x2)) >> 6)
+        first, second = x1 - max(a, -32767) * (x1 >> 16), x1 + (wrap(clamp(a, -128, 127) * wrap(x1 - x2)) >> 6)
         if self.codec == PCM:
             delta = a << state.step
             x = state.low + (delta << b - 1) + (delta >> 1) + c * delta
