@@ -149,7 +149,7 @@ impl Cursor {
     ///
     /// # Errors
     /// [`Error::Truncated`], or [`Error::Malformed`] after the last one.
-    #[inline(never)]
+    #[inline(always)]
     pub fn next(&mut self, engine: &mut Engine<'_, '_>, codes: &[u8]) -> Result<bool, Error> {
         if self.is_done() {
             return Ok(false);

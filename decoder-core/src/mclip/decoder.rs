@@ -7,7 +7,10 @@ use crate::error::Error;
 use fixed::types::I16F16;
 
 /// A position in a clip, and the pose there. Made by [`Clip::decoder`].
+///
+/// What every frame needs comes first, where short instructions reach it.
 #[derive(Debug)]
+#[repr(C)]
 pub struct Decoder<'a, 's> {
     /// Where it is in the block, or which frame comes next.
     cursor: Cursor,
@@ -60,6 +63,7 @@ impl<'a, 's> Decoder<'a, 's> {
         }
     }
 
+    #[inline(always)]
     fn cross(&mut self) -> Result<bool, Error> {
         if self.cursor.frame >= self.clip.frames() {
             return Ok(false);
@@ -88,9 +92,9 @@ impl<'a, 's> Decoder<'a, 's> {
     }
 
     /// Enters the block whose header is at byte `at`.
-    #[inline(never)]
+    #[inline(always)]
     fn enter(&mut self, at: usize) -> Result<(), Error> {
-        let Block { header, at, codes, end } = self.clip.block(at, Some(self.cursor.frame))?;
+        let Block { header, at, codes, end } = self.clip.block_here(at, Some(self.cursor.frame))?;
         if !self.clip.is_verified() {
             header.verify(codes, at)?;
         }

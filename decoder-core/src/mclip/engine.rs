@@ -54,13 +54,14 @@ enum Source<'s> {
     Adaptive(AdaptiveHuffman<'s>),
 }
 
-/// A pose and all that its next one depends on.
+/// A pose and all that its next one depends on. What every frame needs comes first.
 #[derive(Debug)]
+#[repr(C)]
 pub struct Engine<'a, 's> {
-    header: Header<'a>,
     lanes: Lanes<'s>,
     /// The loop over octets, where there is one.
     run: Option<Loop>,
+    header: Header<'a>,
     correlations: &'s mut [Correlation],
     /// A ring for every channel, where predictors have a sliding window.
     rings: &'s mut [u16],
@@ -114,9 +115,9 @@ impl<'a, 's> Engine<'a, 's> {
             run = octets::choose(header.codec(), states);
         }
         Ok(Self {
-            header,
             lanes: Lanes { pose, states },
             run,
+            header,
             correlations: lent(memory.correlations, needs.correlations, Field::Correlations)?,
             rings,
             source,
@@ -167,7 +168,7 @@ impl<'a, 's> Engine<'a, 's> {
     }
 
     /// Decodes the first frame of an entry point.
-    #[inline(never)]
+    #[inline(always)]
     pub(super) fn decode_entry(&mut self, codes: &[u8], position: usize) -> Option<usize> {
         let position = self.decode_values(codes, position)?;
         if self.header.codec().has_entry_values() {

@@ -229,7 +229,7 @@ fn equal<'b, const BITS: usize, P: Predict + Default, Q: OfCodec>(
     let (whole, rest) = codes.split_at_checked(count.wrapping_mul(BITS))?;
     let (pose, states, whole) =
         (pose.as_chunks_mut::<OCTET>().0, states.as_chunks_mut::<OCTET>().0, whole.as_chunks::<BITS>().0);
-    if (BYTES_ONLY && BITS != 8) || Q::KEEPS {
+    if (BYTES_ONLY && (5..8).contains(&BITS)) || Q::KEEPS {
         for ((values, states), codes) in pose.iter_mut().zip(states).zip(whole) {
             apart::<BITS, P, Q>(values, states, codes, quantise);
         }
