@@ -178,6 +178,8 @@ impl<'a, 's> Engine<'a, 's> {
     }
 
     /// Decodes the values of an entry point; gives where they end.
+    // Its loop needs more registers than Cortex-M4 has beside its caller's; on Cortex-M0+ a call costs more than it saves.
+    #[cfg_attr(target_has_atomic = "32", inline(never))]
     fn decode_values(&mut self, codes: &[u8], position: usize) -> Option<usize> {
         self.reset();
         let mut position = position;

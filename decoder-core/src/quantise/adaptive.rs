@@ -45,7 +45,7 @@ impl Adaptive {
     /// The step with this index, brought between the bounds.
     pub fn step(&self, index: u8) -> Step {
         let index = index.min(self.high).max(self.low).wrapping_sub(self.low);
-        Step { low: index, above: 0, high: index.into() }
+        Step::first(index)
     }
 
     /// The class of a code: its first four bits; zeros stand for bits that it has not. So with four bits each code has a
@@ -61,12 +61,13 @@ impl Quantise for Adaptive {
 
     #[inline(always)]
     fn difference(&self, code: i32, step: &mut Step, bits: u8) -> i32 {
-        let index = step.low;
+        let Step([kept, ..]) = step;
+        let index = *kept;
         let by = self.multipliers.get(Self::class(code, bits)).copied().unwrap_or(0);
         let range = u32::from(self.range);
         let next = i32::from(index).wrapping_add(by.into());
         // One comparison where it is between the bounds.
-        step.low = if next.cast_unsigned() <= range {
+        *kept = if next.cast_unsigned() <= range {
             next as u8
         } else if next < 0 {
             0
@@ -115,8 +116,8 @@ mod tests {
                             let class = (code * 16).div_euclid(1 << bits).rem_euclid(16) as usize;
                             let next = (i64::from(index) + i64::from(multipliers[class]))
                                 .clamp(low.into(), high.into());
-                            assert_eq!(i64::from(step.low) + i64::from(low), next);
-                            assert_eq!(step.high, u16::from(index - low), "the first one stays");
+                            assert_eq!(i64::from(step.0[0]) + i64::from(low), next);
+                            assert_eq!(step.0[1], index - low, "the first one stays");
                             transitions += 1;
                         }
                     }
@@ -146,7 +147,7 @@ mod tests {
             let mut step = quantiser.step(100);
             for code in (-(1 << (bits - 1))..1i32 << (bits - 1)).step_by(stride(509)) {
                 quantiser.difference(code, &mut step, bits);
-                assert!((0..=180).contains(&step.low));
+                assert!((0..=180).contains(&step.0[0]));
             }
         }
     }

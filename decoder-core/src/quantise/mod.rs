@@ -17,32 +17,35 @@ pub use uniform::{Grid, Uniform};
 /// Most bits of a code.
 pub const MAX_BITS: u8 = 16;
 
-/// What a quantiser keeps of a channel: a word, or two halves of one.
+/// What a quantiser keeps of a channel: a word; or, where steps adapt, the step's index in its lowest byte and that of the first
+/// step in the next one.
 ///
-/// As halves, because a core stores one of them without the other.
+/// As bytes, because a core then stores the index without the rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C, align(4))]
-pub struct Step {
-    low: u8,
-    above: u8,
-    high: u16,
-}
+pub struct Step([u8; 4]);
 
 impl Step {
     /// A word.
     pub const fn of(word: i32) -> Self {
-        Self { low: word as u8, above: (word >> 8) as u8, high: (word >> 16) as u16 }
+        Self(word.to_le_bytes())
     }
 
-    /// Back to the first step, which is in the upper half where steps adapt.
+    /// The first step, as an index.
+    const fn first(index: u8) -> Self {
+        Self([index, index, 0, 0])
+    }
+
+    /// Back to the first step.
     pub const fn reset(&mut self) {
-        self.low = self.high as u8;
+        let Self([index, first, ..]) = self;
+        *index = *first;
     }
 
     /// The word.
     #[inline(always)]
     pub const fn word(self) -> i32 {
-        (self.low as i32) | (self.above as i32).wrapping_shl(8) | (self.high as i32).wrapping_shl(16)
+        i32::from_le_bytes(self.0)
     }
 }
 
