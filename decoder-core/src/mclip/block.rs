@@ -89,6 +89,7 @@ impl BlockHeader {
     ///
     /// # Errors
     /// [`Error::Checksum`].
+    #[inline(never)]
     pub fn verify(&self, codes: &[u8], at: usize) -> Result<(), Error> {
         let found = checksum(&self.covered(), codes);
         if found == self.checksum {
