@@ -245,9 +245,9 @@ impl<'a> Codec<'a> {
         }
     }
 
-    /// Whether a channel needs a [`Correlation`](crate::predict::Correlation).
-    pub const fn adapts_predictor(&self) -> bool {
-        matches!(self, Self::Adpcm(Adpcm { predictor: Some(_), .. }))
+    /// Whether a channel needs a [`Correlation`](crate::predict::Correlation): that of an exponential window.
+    pub const fn correlates(&self) -> bool {
+        matches!(self, Self::Adpcm(Adpcm { predictor: Some(adaptation), .. }) if adaptation.ring_words() == 0)
     }
 
     /// Words of a channel's ring, for a predictor with a sliding window.

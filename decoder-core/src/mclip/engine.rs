@@ -1,6 +1,6 @@
 //! What decoding in place, decoding a stream and encoding have in common: a pose, and a step to the next one.
 
-use super::channels::{Channels, Choose};
+use super::channels::{At, Channels, Choose};
 use super::codec::{Adpcm, Codec, EntropyId};
 use super::header::Header;
 use super::octets;
@@ -9,7 +9,7 @@ use crate::bits::{BitReader, MAX_TAKE};
 use crate::entropy::huffman::{NO_TABLE, TableError};
 use crate::entropy::{AdaptiveHuffman, Huffman};
 use crate::error::{Error, Field};
-use crate::predict::{Constant, Correlation, First, Second};
+use crate::predict::{Constant, Correlation, First, Ring, Second};
 use crate::quantise::Uniform;
 use fixed::types::I16F16;
 
@@ -62,11 +62,11 @@ pub struct Engine<'a, 's> {
     pose: &'s mut [I16F16],
     states: &'s mut [State],
     correlations: &'s mut [Correlation],
-    /// A ring for every channel, where predictors have a sliding window.
-    rings: &'s mut [u16],
+    /// A row for each frame of them, where predictors have a sliding window.
+    windows: &'s mut [u16],
     source: Source<'s>,
-    /// Frames since the entry point.
-    frame: u32,
+    /// The last frame.
+    at: At,
 }
 
 impl<'a, 's> Engine<'a, 's> {
@@ -78,9 +78,10 @@ impl<'a, 's> Engine<'a, 's> {
         let needs = header.needs();
         let tables = header.opening().tables;
         let words = lent(memory.words, needs.words, Field::CodeTables)?;
-        let of_rings = header.codec().ring_words().saturating_mul(needs.channels);
+        let length = header.codec().ring_words();
+        let of_windows = length.saturating_mul(needs.channels);
         // The needs have both, so there is enough to split.
-        let (rings, words) = words.split_at_mut_checked(of_rings).unwrap_or_default();
+        let (windows, words) = words.split_at_mut_checked(of_windows).unwrap_or_default();
         let bad_tables = Error::Encoding { field: Field::CodeTables, at: super::PREFIX_BYTES };
         let source = match header.entropy() {
             EntropyId::FixedWidth => Source::FixedWidth,
@@ -116,9 +117,9 @@ impl<'a, 's> Engine<'a, 's> {
             pose,
             states,
             correlations: lent(memory.correlations, needs.correlations, Field::Correlations)?,
-            rings,
+            windows,
             source,
-            frame: 0,
+            at: At { frame: 0, row: 0, length, channels: needs.channels },
         })
     }
 
@@ -142,9 +143,8 @@ impl<'a, 's> Engine<'a, 's> {
                 return Ok(position);
             }
         }
-        let Self { header, pose, states, correlations, rings, source, frame } = self;
-        *frame = frame.wrapping_add(1);
-        let (codec, frame) = (header.codec(), *frame);
+        let Self { header, pose, states, correlations, windows, source, at } = self;
+        let codec = header.codec();
         match source {
             Source::FixedWidth if cfg!(feature = "fixed-width") => {
                 let bytes = codes.get(position >> 3..).unwrap_or_default();
@@ -163,16 +163,16 @@ impl<'a, 's> Engine<'a, 's> {
                     {
                         octets::step(pose, states, &Second, quantiser, bytes)
                     }
-                    _ => Channels { pose, states, correlations, rings, frame }.step_unpacked(codec, bytes),
+                    _ => Channels { pose, states, correlations, windows, at }.step_unpacked(codec, bytes),
                 };
                 Ok(codes.len().wrapping_sub(rest.ok_or(())?.len()).wrapping_mul(8))
             }
             Source::Huffman(source) if cfg!(feature = "huffman") => {
-                let channels = Channels { pose, states, correlations, rings, frame };
+                let channels = Channels { pose, states, correlations, windows, at };
                 within(channels.step_coded(codec, codes, position, *source), codes)
             }
             Source::Adaptive(source) if cfg!(feature = "adaptive-huffman") => {
-                let channels = Channels { pose, states, correlations, rings, frame };
+                let channels = Channels { pose, states, correlations, windows, at };
                 within(channels.step_coded(codec, codes, position, source), codes)
             }
             // Refused by `EntropyId::check_linked`.
@@ -219,13 +219,12 @@ impl<'a, 's> Engine<'a, 's> {
         }
         let codec = self.header.codec();
         if !(entry && codec.has_entry_values()) {
-            self.frame = self.frame.wrapping_add(1);
             let channels = Channels {
                 pose: self.pose,
                 states: self.states,
                 correlations: self.correlations,
-                rings: self.rings,
-                frame: self.frame,
+                windows: self.windows,
+                at: &mut self.at,
             };
             channels.step(codec, choose);
         }
@@ -234,7 +233,7 @@ impl<'a, 's> Engine<'a, 's> {
 
     /// Sets all but the values of channels to what it is at an entry point.
     fn reset(&mut self) {
-        self.frame = 0;
+        self.at.frame = 0;
         self.correlations.fill(Correlation::default());
         if let Source::Huffman(huffman) = &self.source {
             let shape = huffman.shape();
@@ -246,6 +245,9 @@ impl<'a, 's> Engine<'a, 's> {
                 self.states.iter_mut().for_each(State::reset_step);
             }
             if adpcm.predictor.is_some() {
+                // The first frame is to have row 0.
+                self.at.row = self.at.length;
+                Ring::clear(self.windows, self.at.channels);
                 self.states.iter_mut().for_each(|state| state.second = 0);
             }
         }
