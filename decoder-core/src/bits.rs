@@ -3,6 +3,7 @@
 //! Reading past the end is defined: it gives zeros, and [`BitReader::overrun`] tells. So a loop over a frame's
 //! codes needs one check at its end instead of one at every code.
 
+use core::hint::cold_path;
 use core::slice;
 
 /// Most bits that one call takes.
@@ -73,6 +74,8 @@ impl<'a> BitReader<'a> {
     #[inline(always)]
     pub fn skip(&mut self, count: u32) {
         if !self.skip_held(count) {
+            // So that what needs no more bits goes straight on.
+            cold_path();
             self.fetch();
         }
     }

@@ -16,6 +16,7 @@
 use super::SymbolSource;
 use crate::arithmetic::signed;
 use crate::bits::BitReader;
+use core::hint::cold_path;
 
 /// Largest |c| of each level but the last.
 pub const LEVEL_ENDS: [u32; 7] = [0, 1, 2, 3, 5, 8, 13];
@@ -247,6 +248,8 @@ impl SymbolSource for Huffman<'_> {
         let entry = table.get(usize::from(bits.peek_byte())).copied().unwrap_or(0);
         let mut taken = bits.clone();
         if !taken.skip_held(u32::from(entry & 31)) {
+            // Every fourth code or so; so that the others go straight on.
+            cold_path();
             if entry & ESCAPE != 0 {
                 bits.skip(u32::from(entry & 15));
                 let code = bits.take_signed(width.into());
