@@ -56,6 +56,18 @@ impl<'a> BitReader<'a> {
         value
     }
 
+    /// The next bit, which is taken.
+    #[inline(always)]
+    pub fn take_bit(&mut self) -> u32 {
+        let bit = self.window >> 31;
+        if !self.skip_held(1) {
+            // Every sixteenth; so that the others go straight on.
+            cold_path();
+            self.fetch();
+        }
+        bit
+    }
+
     /// The next `count` bits, 1 to [`MAX_TAKE`], as a number in two's complement; they are taken.
     #[inline(always)]
     pub fn take_signed(&mut self, count: u32) -> i32 {
@@ -74,8 +86,6 @@ impl<'a> BitReader<'a> {
     #[inline(always)]
     pub fn skip(&mut self, count: u32) {
         if !self.skip_held(count) {
-            // So that what needs no more bits goes straight on.
-            cold_path();
             self.fetch();
         }
     }
@@ -165,7 +175,10 @@ mod tests {
                     assert_eq!(reader.clone().take_signed(count), signed);
                 }
                 assert_eq!(u32::from(reader.peek_byte()), reference(&bytes, position, 8));
-                assert_eq!(reader.take(count), reference(&bytes, position, count), "{position} {count}");
+                if count == 1 {
+                    assert_eq!(reader.clone().take_bit(), expected);
+                }
+                assert_eq!(reader.take(count), expected, "{position} {count}");
                 assert_eq!(reader.position(), position + count as usize);
                 assert_eq!(reader.overrun(), position + count as usize > 72, "{position} {count}");
             }

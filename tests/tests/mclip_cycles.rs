@@ -59,8 +59,21 @@ fn a_frame_of_62_channels_is_within_its_budget() {
         case("dpcm, order 2, 6 bits", fixed(CodecId::Dpcm), 6),
         case("adpcm, adaptive step, order 2, 4 bits", stepping(fixed(CodecId::Adpcm)), 4),
         case("adpcm, adaptive predictor, exponential window, 6 bits", window(fixed(CodecId::Adpcm), 5, 4), 6),
-        case("adpcm, adaptive predictor, window of 16, 6 bits", window(fixed(CodecId::Adpcm), 16, 5), 6),
-        case("adpcm, adaptive predictor, window of 120, 6 bits", window(fixed(CodecId::Adpcm), 120, 4), 6),
+        case(
+            "adpcm, adaptive predictor, window of 16 every 16 frames, 6 bits",
+            window(fixed(CodecId::Adpcm), 16, 4),
+            6,
+        ),
+        case(
+            "adpcm, adaptive predictor, window of 16 every 32 frames, 6 bits",
+            window(fixed(CodecId::Adpcm), 16, 5),
+            6,
+        ),
+        case(
+            "adpcm, adaptive predictor, window of 120 every 16 frames, 6 bits",
+            window(fixed(CodecId::Adpcm), 120, 4),
+            6,
+        ),
         case("mulaw, 6 bits", fixed(CodecId::MuLaw), 6),
         case("qmd, 4 bits", fixed(CodecId::Qmd), 4),
         case("dpcm, order 1, 6 bits, Huffman", first(with(EntropyId::Huffman, CodecId::Dpcm)), 6),
@@ -72,15 +85,8 @@ fn a_frame_of_62_channels_is_within_its_budget() {
     ];
     let mut over = Vec::new();
     for (Case { name, settings, bits, verify_blocks }, budgets) in cases.into_iter().zip(BUDGETS) {
-        if std::env::var("ONLY").is_ok_and(|only| !name.contains(&only)) {
-            continue;
-        } // TEMPORARY
         let bytes = encoder.encode(&settings, Quality::Bits(bits));
         let images = mclip_images(&bytes, &TARGETS, verify_blocks).unwrap();
-        std::fs::write(format!("/tmp/hf-{}.mclip", name.replace(' ', "_")), &bytes).unwrap(); // TEMPORARY
-        for (i, image) in images.iter().enumerate() {
-            std::fs::write(format!("/tmp/hf-{}-{i}.elf", name.replace(' ', "_")), image).unwrap();
-        } // TEMPORARY
         let found: Vec<(f64, u64)> =
             CORES.iter().zip(&images).map(|(&core, image)| cycles(core, image, &bytes)).collect();
         println!(
@@ -175,7 +181,7 @@ const CORES: [Core; 2] = [Core::M4, Core::M0Plus];
 const LEAST_RATIO: f64 = 3.5;
 
 /// Mean cycles of a frame on M4 and M0+, in the order of the cases.
-const BUDGETS: [[f64; 2]; 14] = [
+const BUDGETS: [[f64; 2]; 15] = [
     [1_023.0, 1_523.0],
     [1_221.0, 1_779.0],
     [1_316.0, 1_905.0],
@@ -186,6 +192,7 @@ const BUDGETS: [[f64; 2]; 14] = [
     [5_758.0, 11_610.0],
     [5_758.0, 11_610.0],
     [5_758.0, 11_610.0],
+    [9_758.0, 31_610.0],
     [4_963.0, 9_464.0],
     [2_963.0, 5_013.0],
     [2_995.0, 5_295.0],

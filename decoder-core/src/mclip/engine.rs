@@ -25,7 +25,7 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// In bytes: 16 a channel, 16 more where the predictor adapts, and the words of windows and entropy stage.
+    /// In bytes: 16 a channel, 16 more where the predictor adapts by an exponential window, and the words of windows and entropy stage.
     pub const fn bytes(&self) -> usize {
         self.channels
             .saturating_mul(size_of::<I16F16>().saturating_add(size_of::<State>()))
@@ -41,7 +41,7 @@ pub struct Memory<'s> {
     pub pose: &'s mut [I16F16],
     /// A state for every channel.
     pub states: &'s mut [State],
-    /// An adaptive predictor for every channel, where the codec has one.
+    /// A correlation for every channel, where the predictor has an exponential window.
     pub correlations: &'s mut [Correlation],
     /// The predictors' windows and the entropy stage's.
     pub words: &'s mut [u16],

@@ -16,10 +16,10 @@ pub const MAX_REFLECTION: i32 = 15 << 10;
 
 /// Movements are kept in 512ths of a unit, up to 8 units a frame: in 13 bits, so that a window of their products is in
 /// a word.
-pub(super) const SHIFT: u32 = 7;
+const SHIFT: u32 = 7;
 
 /// Largest movement that is kept.
-pub(super) const MOST: i32 = (1 << 12) - 1;
+const MOST: i32 = (1 << 12) - 1;
 
 /// R(0) below which there was too little movement to say: sums do not decay to zero.
 const LEAST: i32 = 256;
