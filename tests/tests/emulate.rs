@@ -37,7 +37,7 @@ struct Bench {
 
 impl Bench {
     /// None where there is no emulator.
-    fn new() -> Option<Self> {
+    fn new(arguments: &[&str]) -> Option<Self> {
         if npm_package("rp2040js").is_none() || !require_target("thumbv6m-none-eabi") {
             return None;
         }
@@ -53,7 +53,8 @@ impl Bench {
         let mut emulate = bunraku();
         emulate.arg("emulate").arg(path("clip.qmd")).arg("--skeleton").arg(path("sample.asf"));
         emulate.arg("--puppet").arg(workspace().join("puppets/sample.toml"));
-        let mut pico = Pico(emulate.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap());
+        let log = fs::File::create(path("log")).unwrap();
+        let mut pico = Pico(emulate.args(arguments).stdout(Stdio::piped()).stderr(log).spawn().unwrap());
         let mut port = String::new();
         BufReader::new(pico.0.stdout.take().unwrap()).read_line(&mut port).unwrap();
         Some(Self { folder, port: port.trim().to_owned(), _pico: pico })
@@ -68,11 +69,20 @@ impl Bench {
         succeeds(bunraku().arg("push").arg(&self.port).args(arguments))
     }
 
+    fn status(&self) -> serde_json::Value {
+        serde_json::from_str(&self.push(&["status", "--json"])).unwrap()
+    }
+
+    /// What the image and the emulator have said.
+    fn log(&self) -> String {
+        fs::read_to_string(self.folder.path().join("log")).unwrap()
+    }
+
     /// Waits for what the puppet does, by itself or as told.
     fn until(&self, wanted: &[&str]) -> serde_json::Value {
         let began = Instant::now();
         loop {
-            let status: serde_json::Value = serde_json::from_str(&self.push(&["status", "--json"])).unwrap();
+            let status = self.status();
             assert_eq!(status["device"]["name"], "Pico");
             assert!(status["status"]["fault"].is_null(), "{status}");
             let state = status["status"]["state"].as_str().unwrap().to_owned();
@@ -94,7 +104,7 @@ fn encode(folder: &Path, name: &str, arguments: &[&str]) -> PathBuf {
 
 #[test]
 fn a_clip_is_pushed_to_a_pico_and_played() {
-    let Some(bench) = Bench::new() else { return };
+    let Some(bench) = Bench::new(&[]) else { return };
     let clip = bench.encode("clip.mclip", &[]);
     bench.until(&["Playing"]);
     bench.push(&["stop"]);
@@ -113,7 +123,7 @@ fn a_clip_is_pushed_to_a_pico_and_played() {
 
 #[test]
 fn a_stream_to_a_pico_plays_as_it_was_sent_or_its_line_is_too_slow() {
-    let Some(bench) = Bench::new() else { return };
+    let Some(bench) = Bench::new(&[]) else { return };
     bench.until(&["Playing"]);
     let stream = |clip: &Path| {
         let output = bunraku().arg("stream").arg(&bench.port).arg(clip).arg("--json").output().unwrap();
@@ -133,4 +143,43 @@ fn a_stream_to_a_pico_plays_as_it_was_sent_or_its_line_is_too_slow() {
     let (needs, carried) = (&report["clip_bits_per_second"], &report["line_bits_per_second"]);
     assert!(needs.as_f64().unwrap() > 92_160.0 && carried.as_f64().unwrap() < 92_160.0, "{report}");
     assert!(said.contains(&format!("needs {:.0} bits per second", needs.as_f64().unwrap())), "{said}");
+}
+
+#[test]
+fn a_pico_that_hangs_is_started_again_by_its_watchdog_and_holds_still() {
+    // In the middle of the clip.
+    let Some(bench) = Bench::new(&["--hang", "6000"]) else { return };
+    bench.until(&["Playing"]);
+    let began = Instant::now();
+    while !bench.log().contains("starts again") {
+        assert!(began.elapsed() < Duration::from_secs(60), "{}", bench.log());
+        sleep(Duration::from_millis(100));
+    }
+    let log = bench.log();
+    let bitten = log.lines().find(|line| line.contains("the watchdog was not fed")).unwrap();
+    let millis = bitten.split_once(" again, ").and_then(|(_, after)| after.split(' ').next()).unwrap();
+    // It was fed a tick before that at most.
+    assert!((479..=500).contains(&millis.parse::<u32>().unwrap()), "{bitten}");
+
+    // It says why it started, and holds the pose in which it was.
+    let held = loop {
+        let status = bench.status();
+        if status["status"]["state"] == "Holding" {
+            break status;
+        }
+        assert!(began.elapsed() < Duration::from_secs(60), "{status}");
+        sleep(Duration::from_millis(100));
+    };
+    assert_eq!(held["status"]["fault"], "the controller has restarted by itself", "{held}");
+    let servos = |status: &serde_json::Value| {
+        let servos = status["status"]["servos"].as_array().unwrap().iter();
+        servos.map(|servo| [servo["goal"].clone(), servo["reading"]["position"].clone()]).collect::<Vec<_>>()
+    };
+    sleep(Duration::from_secs(2));
+    assert_eq!(servos(&bench.status()), servos(&held));
+    let refused = bunraku().arg("push").arg(&bench.port).args(["play", "0"]).output().unwrap();
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert!(said.contains("the controller has restarted by itself"), "{said}");
+    bench.push(&["acknowledge"]);
+    bench.until(&["Playing"]);
 }

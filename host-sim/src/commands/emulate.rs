@@ -36,6 +36,9 @@ pub struct Args {
     /// Where the host connects; port 0 takes a free one, which is printed.
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0")]
     listen: String,
+    /// Hang the core for ever after so many simulated ms, so that its watchdog starts it again.
+    #[arg(long, value_name = "MS")]
+    hang: Option<u64>,
     /// End after so many seconds.
     #[arg(long, value_name = "SECONDS")]
     seconds: Option<u64>,
@@ -75,9 +78,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
         (!ended).then(|| line.exchange(bytes))
     };
     let mut bus = |bytes: &[u8]| servos.receive(bytes, millis.get() * 1000, &mut |_| {});
+    let hang = args.hang.map(Duration::from_millis);
     let limit = Duration::from_secs(FOR_EVER);
     let log = &mut |said: &str| eprintln!("{said}");
-    rp2040js::run(&elf, &rp2040js::package(), &mut bus, Some(&mut host), limit, log)?;
+    rp2040js::run(&elf, &rp2040js::package(), &mut bus, Some(&mut host), hang, limit, log)?;
     if end.is_none() {
         bail!("the emulator has ended");
     }
