@@ -132,8 +132,8 @@ fn a_stream_to_a_pico_plays_as_it_was_sent_or_its_line_is_too_slow() {
         let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         (report, said)
     };
-    // 37 kbit/s in short blocks: more of them than the device has ticks for, if each takes one.
-    let short = ["--codec", "pcm", "--bits", "12", "--fps", "100", "--block", "128"];
+    // A frame a block, and more of them than the device has ticks (50 a second), if each takes one.
+    let short = ["--codec", "pcm", "--bits", "12", "--fps", "75", "--block", "64"];
     let (report, said) = stream(&bench.encode("short.mclip", &short));
     assert_eq!((&report["counters"]["played"], &*said), (&480.into(), ""), "{report}");
     // 119 kbit/s, where a UART at 115,200 bit/s carries 92.

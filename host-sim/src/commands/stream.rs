@@ -40,13 +40,13 @@ pub fn run(args: Args) -> Result<ExitCode> {
         Settings { hold_millis: args.hold, patience: Duration::from_secs(args.retry), plays: true };
     let report = stream(&args.port.name, args.port.baud, &parts, settings, &mut |_| ())
         .with_context(|| format!("cannot stream {name}"))?;
-    let (needs, carries) = (parts.bits_per_second(), report.bits_per_second());
+    let (needs, carries) = (parts.bits_per_second().round(), report.bits_per_second().round());
     let Streaming { progress, counters } =
         report.last.and_then(|telemetry| telemetry.stream).unwrap_or_default();
     if args.json {
         let report = json!({
             "blocks": report.blocks, "breaks": report.breaks, "frames": progress.frames, "counters": counters,
-            "clip_bits_per_second": needs.round(), "line_bits_per_second": carries.round(),
+            "clip_bits_per_second": needs, "line_bits_per_second": carries,
         });
         println!("{report:#}");
     } else {
