@@ -7,7 +7,7 @@ pub mod fixed;
 pub mod window;
 
 pub use adaptive::Correlation;
-pub use fixed::{Constant, First, Predict, Second};
+pub use fixed::{Constant, First, FirstByHalves, Predict, Second};
 pub use window::Slots;
 
 /// A coefficient of 1 of the adaptive predictor.
