@@ -96,7 +96,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         }),
         On::Port(port) => {
             let names = Puppet::read(&args.puppet)?.bus_names();
-            let buses = ports::open(&map, &ports::paths(port, &names)?)?;
+            let buses = ports::open(&map, &ports::paths(port, &names, |_| true)?)?;
             let asked = asked_to_end()?;
             let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
             clip.decode(|frames| ports::play(frames, &map, rate, buses, asked, log)).map(|played| {

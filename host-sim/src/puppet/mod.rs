@@ -53,7 +53,7 @@ use toml::Spanned;
 
 pub mod budget;
 pub mod calibrate;
-mod file;
+pub(crate) mod file;
 mod joint;
 pub mod models;
 pub mod rehearse;
