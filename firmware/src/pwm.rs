@@ -61,6 +61,11 @@ impl Told {
     }
 }
 
+/// The channel of the servo in this place: its id.
+pub(crate) fn channel_of(ids: &[u8], index: usize) -> Option<usize> {
+    ids.get(index).copied().map(usize::from)
+}
+
 /// One servo on a PWM channel.
 #[derive(Debug)]
 pub struct Channel<P> {
@@ -84,7 +89,7 @@ impl<P: SetDutyCycle> Channel<P> {
     }
 }
 
-/// `N` hobby servos, a PWM channel each.
+/// Up to `N` hobby servos, a PWM channel each; a servo's id is the number of its channel.
 #[derive(Debug)]
 pub struct PwmBus<P, const N: usize> {
     channels: [Channel<P>; N],
@@ -99,19 +104,24 @@ impl<P: SetDutyCycle, const N: usize> PwmBus<P, N> {
 }
 
 impl<P: SetDutyCycle, const N: usize> ServoBus for PwmBus<P, N> {
-    async fn ping(&mut self, _ids: &[u8], index: usize) -> Result<(), BusError> {
-        if index < N { Ok(()) } else { Err(BusError::TooMany) }
+    async fn ping(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
+        channel_of(ids, index).filter(|&channel| channel < N).map(drop).ok_or(BusError::TooMany)
     }
 
-    async fn set_torque(&mut self, _ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
-        let channel = self.channels.get_mut(index).ok_or(BusError::TooMany)?;
+    async fn set_torque(&mut self, ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
+        let channel = channel_of(ids, index).and_then(|channel| self.channels.get_mut(channel));
+        let channel = channel.ok_or(BusError::TooMany)?;
         let pulse = channel.told.torque(on);
         channel.output(pulse, self.period_us)
     }
 
     async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
-        let mut result = if goals.len() > N { Err(BusError::TooMany) } else { Ok(()) };
-        for (channel, goal) in self.channels.iter_mut().zip(goals) {
+        let mut result = Ok(());
+        for goal in goals {
+            let Some(channel) = self.channels.get_mut(usize::from(goal.id)) else {
+                result = result.and(Err(BusError::TooMany));
+                continue;
+            };
             let pulse = channel.told.goal(channel.calibration.pulse_us(goal.position));
             result = result.and(channel.output(pulse, self.period_us));
         }
@@ -148,8 +158,12 @@ mod tests {
     }
 
     fn goals(positions: [i32; 2]) -> [Goal; 2] {
-        positions.map(|position| Goal { id: 0, position })
+        let [first, second] = positions;
+        // In another order than the channels.
+        [Goal { id: 1, position: second }, Goal { id: 0, position: first }]
     }
+
+    const IDS: [u8; 3] = [1, 0, 2];
 
     #[test]
     fn a_pulse_comes_with_torque_and_a_goal_only() {
@@ -159,11 +173,11 @@ mod tests {
         let mut bus =
             PwmBus::new([Channel::new(first, Calibration::WIDE), Channel::new(second, trimmed)], 20_000);
         let duty = |bus: &PwmBus<&mut Pin, 2>| bus.channels.each_ref().map(|channel| channel.pin.duty);
-        block_on(bus.set_torque(&[1, 2], 0, true)).unwrap();
+        block_on(bus.set_torque(&IDS, 1, true)).unwrap();
         assert_eq!(duty(&bus), [Some(0), None]);
         block_on(bus.write_goals(&goals([1500, 1500]))).unwrap();
         assert_eq!(duty(&bus), [Some(3000), Some(0)]);
-        block_on(bus.set_torque(&[1, 2], 1, true)).unwrap();
+        block_on(bus.set_torque(&IDS, 0, true)).unwrap();
         assert_eq!(duty(&bus), [Some(3000), Some(2960)]);
         for (positions, expected) in [
             ([i32::MIN, i32::MIN], [1000, 1800]),
@@ -174,19 +188,22 @@ mod tests {
             block_on(bus.write_goals(&goals(positions))).unwrap();
             assert_eq!(duty(&bus), expected.map(Some));
         }
-        block_on(bus.set_torque(&[1, 2], 0, false)).unwrap();
+        block_on(bus.set_torque(&IDS, 1, false)).unwrap();
         block_on(bus.write_goals(&goals([1500, 1500]))).unwrap();
         assert_eq!(duty(&bus), [Some(0), Some(2960)]);
-        assert_eq!(block_on(bus.set_torque(&[1, 2], 2, true)), Err(BusError::TooMany));
-        assert_eq!(block_on(bus.ping(&[1, 2], 2)), Err(BusError::TooMany));
+        for index in [2, 3] {
+            assert_eq!(block_on(bus.set_torque(&IDS, index, true)), Err(BusError::TooMany));
+            assert_eq!(block_on(bus.ping(&IDS, index)), Err(BusError::TooMany));
+        }
+        assert_eq!(block_on(bus.write_goals(&[Goal { id: 2, position: 1500 }])), Err(BusError::TooMany));
     }
 
     #[test]
     fn a_channel_that_fails_leaves_the_others_driven() {
         let pins = [Pin { duty: None, broken: true }, Pin::default()];
         let mut bus = PwmBus::new(pins.map(|pin| Channel::new(pin, Calibration::default())), 20_000);
-        assert_eq!(block_on(bus.set_torque(&[1, 2], 0, true)), Err(BusError::Port));
-        block_on(bus.set_torque(&[1, 2], 1, true)).unwrap();
+        assert_eq!(block_on(bus.set_torque(&IDS, 1, true)), Err(BusError::Port));
+        block_on(bus.set_torque(&IDS, 0, true)).unwrap();
         assert_eq!(block_on(bus.write_goals(&goals([1000, 2000]))), Err(BusError::Port));
         assert_eq!(bus.channels[1].pin.duty, Some(4000));
         let mut readings = [None; 2];

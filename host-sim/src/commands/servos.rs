@@ -144,7 +144,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         for (_, name, deed) in events {
             match (deed.servo(), name) {
                 (Some(servo), None) => {
-                    Err(ConfigError::Absent(servo)).with_context(|| path.display().to_string())?
+                    return Err(ConfigError::Absent(servo)).with_context(|| path.display().to_string());
                 }
                 (servo, Some(name)) => {
                     let servo = servo.map_or(String::new(), |servo| format!(" with a servo {servo}"));
