@@ -4,7 +4,34 @@
 //! its line stays low, and it is limp. Nothing can be read back.
 
 use crate::bus::{BusError, Goal, ServoBus};
-use embedded_hal::pwm::SetDutyCycle;
+pub use embedded_hal::pwm::{ErrorType, SetDutyCycle};
+
+/// Counts per second of a timer whose pulses are as long as they are told to the microsecond, and whose period fits 16 bits.
+pub const COUNTS_HZ: u32 = 2_500_000;
+
+/// How a timer that counts [`COUNTS_HZ`] gives a number of pulses a second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timing {
+    /// Its greatest duty, and the count after which it starts again.
+    pub top: u16,
+    /// Its period in microseconds.
+    pub period_us: u16,
+}
+
+impl Timing {
+    /// For this many pulses a second: 40 to 400, which are so far apart that the longest pulse fits.
+    pub const fn of(hz: u32) -> Option<Self> {
+        if hz < 40 || hz > 400 {
+            return None;
+        }
+        Some(Self { top: (COUNTS_HZ / hz) as u16, period_us: (1_000_000 / hz) as u16 })
+    }
+
+    /// How long a pulse of so many counts is, in tenths of a microsecond.
+    pub const fn tenths_us(counts: u16) -> u32 {
+        counts as u32 * (10_000_000 / COUNTS_HZ)
+    }
+}
 
 /// How a servo answers to pulses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,7 +160,7 @@ impl<P: SetDutyCycle, const N: usize> ServoBus for PwmBus<P, N> {
 mod tests {
     use super::*;
     use embassy_futures::block_on;
-    use embedded_hal::pwm::{ErrorKind, ErrorType};
+    use embedded_hal::pwm::ErrorKind;
 
     /// A channel of 0 to 40,000 counts, half a microsecond each at 50 Hz.
     #[derive(Default)]
@@ -196,6 +223,22 @@ mod tests {
             assert_eq!(block_on(bus.ping(&IDS, index)), Err(BusError::TooMany));
         }
         assert_eq!(block_on(bus.write_goals(&[Goal { id: 2, position: 1500 }])), Err(BusError::TooMany));
+    }
+
+    #[test]
+    fn a_timer_gives_pulses_to_the_microsecond() {
+        assert_eq!(Timing::of(50), Some(Timing { top: 50_000, period_us: 20_000 }));
+        assert!(Timing::of(39).is_none() && Timing::of(401).is_none());
+        for hz in [40, 50, 60, 100, 333, 400] {
+            let Timing { top, period_us } = Timing::of(hz).unwrap();
+            for pulse in 500..=2500u32 {
+                // As `set_duty_cycle_fraction` does.
+                let counts = pulse * u32::from(top) / u32::from(period_us);
+                let tenths = Timing::tenths_us(counts as u16);
+                assert!(tenths.abs_diff(pulse * 10) <= 10, "{hz} Hz: {pulse} µs are {tenths} tenths");
+                assert!(hz != 50 || tenths.abs_diff(pulse * 10) < 4, "{pulse}");
+            }
+        }
     }
 
     #[test]

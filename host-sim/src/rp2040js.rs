@@ -3,6 +3,7 @@
 //! What rp2040js lacks is written at the top of rp2040js.mjs, which runs in Node.js.
 
 use crate::qemu_log::Log;
+use crate::servos::pins::Pins;
 use crate::thumb::{Board, Image, Memory};
 use anyhow::{Context, Result, anyhow, bail};
 use std::io::{ErrorKind, Read, Seek, Write};
@@ -43,18 +44,37 @@ pub type Device<'d> = dyn FnMut(&[u8]) -> Vec<u8> + 'd;
 /// What is on the other end of the host's line, once a simulated millisecond; none ends the simulation.
 pub type Host<'d> = dyn FnMut(&[u8]) -> Option<Vec<u8>> + 'd;
 
-/// Runs an image until it logs that the puppet rests or, with a host, until that ends it. `package` is the folder of the npm
-/// package rp2040js.
-///
-/// `servos` take what was sent on the bus when the line falls silent, and give the answer. `log` gets every line that the image logs.
+/// Who looks at the pins of hobby servos after each tick.
+pub type Watcher<'d> = dyn FnMut(&Pins) + 'd;
+
+/// As [`run_with_pins`], where nobody looks at pins.
 ///
 /// # Errors
-/// A sentence that says what is missing or went wrong: no Node.js, no package, an error in the image's log (with a host that is
-/// not the end), no end within `limit` of simulated time.
+/// As there.
 pub fn run(
     elf: &[u8],
     package: &Path,
     servos: &mut Device<'_>,
+    host: Option<&mut Host<'_>>,
+    limit: Duration,
+    log: &mut dyn FnMut(&str),
+) -> Result<Figures> {
+    run_with_pins(elf, package, servos, &mut |_| {}, host, limit, log)
+}
+
+/// Runs an image until it logs that the puppet rests or, with a host, until that ends it. `package` is the folder of the npm
+/// package rp2040js.
+///
+/// `servos` take what was sent on the bus when the line falls silent, and give the answer. `pins` are those after each tick. `log` gets every line that the image logs.
+///
+/// # Errors
+/// A sentence that says what is missing or went wrong: no Node.js, no package, an error in the image's log (with a host that is
+/// not the end), no end within `limit` of simulated time.
+pub fn run_with_pins(
+    elf: &[u8],
+    package: &Path,
+    servos: &mut Device<'_>,
+    pins: &mut Watcher<'_>,
     host: Option<&mut Host<'_>>,
     limit: Duration,
     log: &mut dyn FnMut(&str),
@@ -85,7 +105,7 @@ pub fn run(
         .spawn()
         .context("cannot start node, which runs rp2040js (Debian's package nodejs)")?;
     let mut emulator = Emulator { child, log: Log::new(elf)?, rests: false, failed: None };
-    let figures = emulator.serve(servos, host, log);
+    let figures = emulator.serve(servos, pins, host, log);
     drop(emulator);
     figures.map_err(|error| {
         let mut said = String::new();
@@ -128,6 +148,7 @@ impl Emulator {
     fn serve(
         &mut self,
         servos: &mut Device<'_>,
+        pins: &mut Watcher<'_>,
         mut host: Option<&mut Host<'_>>,
         log: &mut dyn FnMut(&str),
     ) -> Result<Figures> {
@@ -141,7 +162,7 @@ impl Emulator {
                 Err(error) => return Err(error).context("cannot read from rp2040js"),
             };
             let answer = match message {
-                (0, _) if self.rests && host.is_none() => None,
+                (0 | 4, _) if self.rests && host.is_none() => None,
                 (0, bytes) => Some(servos(&bytes)),
                 (1, bytes) => {
                     self.hear(&bytes, log)?;
@@ -151,6 +172,10 @@ impl Emulator {
                     }
                 }
                 (2, bytes) => return serde_json::from_slice(&bytes).context("rp2040js' figures"),
+                (4, bytes) => {
+                    pins(&Pins::parse(&bytes).context("rp2040js tells of its pins something else")?);
+                    Some(Vec::new())
+                }
                 (_, bytes) => host.as_mut().and_then(|host| host(&bytes)),
             };
             let length = match &answer {

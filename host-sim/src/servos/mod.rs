@@ -14,6 +14,7 @@
 //! - `series`, `classic`: servos with the frame of protocol 1.0, by their tables
 //! - `blender`: what takes live frames
 //! - `crowd`: the servos of a wire, time, and what happens to them from outside
+//! - [`pins`]: hobby servos on a board's pins
 //! - [`config`]: the servos that a `puppet.toml` names
 //! - [`serve`]: a bus on a pty or a TCP port in real time
 
@@ -27,6 +28,7 @@ pub mod line;
 mod memory;
 mod model;
 mod motion;
+pub mod pins;
 mod series;
 pub mod serve;
 mod servo;

@@ -12,6 +12,8 @@ mod clip;
 #[cfg(feature = "rtt")]
 mod halt;
 #[cfg(feature = "link")]
+mod hobby;
+#[cfg(feature = "link")]
 mod host;
 mod idle_line;
 mod show;
@@ -20,6 +22,8 @@ mod show;
 pub use buffers::buffers;
 #[cfg(feature = "link")]
 pub use buffers::host_buffers;
+#[cfg(feature = "link")]
+pub use hobby::Hobby;
 #[cfg(feature = "link")]
 pub use host::Host;
 pub use idle_line::{Busy, IdleLine};
