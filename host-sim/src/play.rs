@@ -117,7 +117,7 @@ pub(crate) fn on_the_spot<'m, L: Library, S: Surroundings<L, MAX_SERVOS>>(
 }
 
 /// The buses of a puppet in this program: Dynamixel X behind a line that `hear` answers, and hobby servos on a board's pins.
-pub(crate) fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
+pub fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
     map: &Map,
     board: &Board,
     hear: F,

@@ -153,7 +153,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
 }
 
 /// Counts how often Ctrl-C was pressed, or somebody asked this program to end by a signal.
-fn asked_to_end() -> Result<&'static AtomicUsize> {
+pub fn asked_to_end() -> Result<&'static AtomicUsize> {
     static ASKED: AtomicUsize = AtomicUsize::new(0);
     let note = || {
         ASKED.fetch_add(1, Ordering::Relaxed);
