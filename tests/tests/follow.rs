@@ -3,7 +3,6 @@
 #![cfg(unix)]
 
 use bunraku_tests::{bunraku, workspace};
-use encoder::sample;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
@@ -43,12 +42,10 @@ const ENDS: [u16; 2] = [1300, 2800];
 
 /// Follows jumps from end to end among noise, and then nothing more: what the servo was told, and what was said.
 fn follow(folder: &Path) -> (Vec<i32>, Option<i32>, String) {
-    let (skeleton, log) = (folder.join("sample.asf"), folder.join("told.csv"));
-    fs::write(&skeleton, sample::asf()).unwrap();
-    let puppet = workspace().join("puppets/sample.toml");
-    let [skeleton, log, puppet] = [&skeleton, &log, &puppet].map(|path| path.to_str().unwrap());
+    let (log, puppet) = (folder.join("told.csv"), workspace().join("puppets/sample.toml"));
+    let [log, puppet] = [&log, &puppet].map(|path| path.to_str().unwrap());
     let servos = Process::start(&["servos", "--config", puppet, "--log", log]);
-    let arguments = ["follow", "--puppet", puppet, "--skeleton", skeleton, "--from", "pty", "--lost", "0.5"];
+    let arguments = ["follow", "--puppet", puppet, "--from", "pty", "--lost", "0.5"];
     let mut player = Process::start(&[&arguments[..], &["--on", &servos.1]].concat());
     let mut line = File::options().write(true).open(&player.1).unwrap();
     let mut said = BufReader::new(player.0.stderr.take().unwrap());

@@ -7,7 +7,7 @@ use firmware::map::BusKind;
 use host_sim::link::port::Port;
 use host_sim::play::{self, seconds};
 use host_sim::ports::{self, Played};
-use host_sim::puppet::{Map, Puppet};
+use host_sim::puppet::{Channels, Map, Puppet};
 use host_sim::servos::pins::Board;
 #[cfg(unix)]
 use host_sim::servos::serve::Pty;
@@ -29,7 +29,7 @@ use std::time::{Duration, Instant};
 /// stand still.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  bunraku follow --puppet puppets/cmu-12.toml --skeleton 02.asf --from pty --on /dev/ttyUSB0\n  /dev/pts/4\n\n\
+    after_help = "Example:\n  bunraku follow --puppet puppets/cmu-12.toml --from pty --on /dev/ttyUSB0\n  /dev/pts/4\n\n\
         Then choose /dev/pts/4 as the serial port of the add-on's live mode."
 )]
 pub struct Args {
@@ -43,9 +43,6 @@ pub struct Args {
     /// buses).
     #[arg(long, value_name = "host|PORT", default_value = "host")]
     on: String,
-    /// The skeleton whose channels the puppet names (.asf, .bvh), instead of the one that the puppet names.
-    #[arg(long, value_name = "S.asf")]
-    skeleton: Option<PathBuf>,
     /// Bits per second of the serial port that frames come from.
     #[arg(long, value_name = "BAUD", default_value_t = 115_200)]
     baud: u32,
@@ -66,8 +63,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     let lost_millis = (args.lost * 1000.0).ceil() as u16;
     let puppet = Puppet::read(&args.puppet)?;
-    let skeleton = super::puppet::skeleton(&puppet, &args.puppet, args.skeleton)?;
-    let map = puppet.map(&skeleton)?;
+    let map = puppet.map(Channels::of_puppet(&puppet)?)?;
     let say = &mut |line: &str| eprintln!("{line}");
     let (played, counters) = if args.on == "host" {
         let asked = asked_to_end()?;

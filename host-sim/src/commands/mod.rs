@@ -8,6 +8,7 @@ pub mod device;
 pub mod emulate;
 pub mod encode;
 pub mod follow;
+mod frames;
 pub mod image;
 pub mod info;
 mod input;
