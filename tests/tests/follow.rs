@@ -45,7 +45,7 @@ fn follow(folder: &Path) -> (Vec<i32>, Option<i32>, String) {
     let (log, puppet) = (folder.join("told.csv"), workspace().join("puppets/sample.toml"));
     let [log, puppet] = [&log, &puppet].map(|path| path.to_str().unwrap());
     let servos = Process::start(&["servos", "--config", puppet, "--log", log]);
-    let arguments = ["follow", "--puppet", puppet, "--from", "pty", "--lost", "0.5"];
+    let arguments = ["follow", "--puppet", puppet, "--from", "pty", "--lost", "1.5"];
     let mut player = Process::start(&[&arguments[..], &["--on", &servos.1]].concat());
     let mut line = File::options().write(true).open(&player.1).unwrap();
     let mut said = BufReader::new(player.0.stderr.take().unwrap());
@@ -55,10 +55,8 @@ fn follow(folder: &Path) -> (Vec<i32>, Option<i32>, String) {
         line.write_all(b"<<\x02>").unwrap();
     }
     let easing = Instant::now();
-    let mut sent = 0;
     while easing.elapsed() < Duration::from_secs(6) {
         let end = ENDS[usize::from(easing.elapsed().as_millis() / 1000 % 2 == 1)];
-        sent = end;
         // Half a frame and bytes that are none, and a frame for somebody else, in between.
         let noise = [&frame(HEAD, end)[..3], b"\x00\x01", &frame(200, 7)].concat();
         // A player that has found its machine too slow is gone.
@@ -67,7 +65,6 @@ fn follow(folder: &Path) -> (Vec<i32>, Option<i32>, String) {
         }
         sleep(Duration::from_millis(10));
     }
-    assert_eq!(sent, ENDS[1]);
     said.read_to_string(&mut text).unwrap();
     let code = player.0.wait().unwrap().code();
     let told = fs::read_to_string(log).unwrap();
