@@ -13,6 +13,7 @@ pub mod drive;
 pub mod dynamixel;
 pub mod fault;
 pub mod feetech;
+pub mod follow;
 pub mod idle;
 pub mod interpolate;
 pub mod library;

@@ -5,7 +5,7 @@
 //! 180° on 2000 µs. A PWM pin of the microcontroller ([`crate::pwm`]) is finer.
 
 use crate::bus::{BusError, Goal, ServoBus};
-use crate::pwm::{Calibration, Told};
+use crate::pwm::{Calibration, Told, channel_of};
 use embassy_futures::select::{Either, select};
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::i2c::I2c;
@@ -23,7 +23,9 @@ const STEPS: u32 = 4096;
 /// Microseconds after which a transfer is given up: 65 bytes at 100 kbit/s take 6 ms.
 const LIMIT_US: u32 = 10_000;
 
-/// Up to 16 hobby servos on a board.
+/// Up to 16 hobby servos on a board; a servo's id is the number of its channel.
+///
+/// A board that could not be reached is set up again before it is driven: it may have lost its power.
 ///
 /// `I2C`: the bus that the board is on; `T`: the timer of the limit.
 #[derive(Debug)]
@@ -34,17 +36,17 @@ pub struct Pca9685Bus<I2C, T> {
     prescale: u8,
     calibrations: [Calibration; CHANNELS],
     told: [Told; CHANNELS],
+    is_set_up: bool,
 }
 
 impl<I2C: I2c, T: DelayNs> Pca9685Bus<I2C, T> {
-    /// Sets the board up: 50 Hz, all channels low.
+    /// A board at this address, which need not be there yet: it is set up (50 Hz, all channels low) when a servo is looked for.
     ///
     /// `oscillator_hz`: [`OSCILLATOR_HZ`], or what a measured period says (a period that measures 2 % too long: 2 % less).
     ///
     /// # Errors
-    /// [`BusError::Port`] when the board does not answer; [`BusError::Unsupported`] when the oscillator cannot give 50 Hz
-    /// (3 to 50 MHz can).
-    pub async fn new(
+    /// [`BusError::Unsupported`] when the oscillator cannot give 50 Hz (3 to 50 MHz can).
+    pub fn at(
         i2c: I2C,
         address: Address,
         delay: T,
@@ -58,9 +60,22 @@ impl<I2C: I2c, T: DelayNs> Pca9685Bus<I2C, T> {
         let per_step = (oscillator_hz + STEPS * 25) / (STEPS * 50);
         let prescale = per_step.saturating_sub(1).clamp(3, 255) as u8;
         let board = Pca9685::new(i2c, address).map_err(|_| BusError::Unsupported)?;
-        let told = [Told::default(); CHANNELS];
-        let mut bus =
-            Self { board, delay, oscillator_khz: oscillator_hz / 1000, prescale, calibrations, told };
+        let (told, oscillator_khz) = ([Told::default(); CHANNELS], oscillator_hz / 1000);
+        Ok(Self { board, delay, oscillator_khz, prescale, calibrations, told, is_set_up: false })
+    }
+
+    /// As [`at`](Self::at), a board that is there, and is set up.
+    ///
+    /// # Errors
+    /// As [`at`](Self::at); [`BusError::Port`] when the board does not answer.
+    pub async fn new(
+        i2c: I2C,
+        address: Address,
+        delay: T,
+        oscillator_hz: u32,
+        calibrations: [Calibration; CHANNELS],
+    ) -> Result<Self, BusError> {
+        let mut bus = Self::at(i2c, address, delay, oscillator_hz, calibrations)?;
         bus.set_up().await?;
         Ok(bus)
     }
@@ -80,10 +95,8 @@ impl<I2C: I2c, T: DelayNs> Pca9685Bus<I2C, T> {
             board.set_all_channels(&values).await?;
             board.enable().await
         };
-        match select(set_up, delay.delay_us(LIMIT_US)).await {
-            Either::First(Ok(())) => Ok(()),
-            Either::First(Err(_)) | Either::Second(()) => Err(BusError::Port),
-        }
+        self.is_set_up = matches!(select(set_up, delay.delay_us(LIMIT_US)).await, Either::First(Ok(())));
+        if self.is_set_up { Ok(()) } else { Err(BusError::Port) }
     }
 
     fn values(&self) -> [ChannelOnOffControl; CHANNELS] {
@@ -98,33 +111,43 @@ impl<I2C: I2c, T: DelayNs> Pca9685Bus<I2C, T> {
     }
 
     async fn output(&mut self) -> Result<(), BusError> {
+        if !self.is_set_up {
+            return self.set_up().await;
+        }
         let values = self.values();
         let Self { board, delay, .. } = self;
-        match select(board.set_all_channels(&values), delay.delay_us(LIMIT_US)).await {
-            Either::First(Ok(())) => Ok(()),
-            Either::First(Err(_)) | Either::Second(()) => Err(BusError::Port),
-        }
+        let output = select(board.set_all_channels(&values), delay.delay_us(LIMIT_US)).await;
+        self.is_set_up = matches!(output, Either::First(Ok(())));
+        if self.is_set_up { Ok(()) } else { Err(BusError::Port) }
     }
 }
 
 impl<I2C: I2c, T: DelayNs> ServoBus for Pca9685Bus<I2C, T> {
     /// Whether the board still answers: writes what it was told last.
-    async fn ping(&mut self, _ids: &[u8], index: usize) -> Result<(), BusError> {
-        if index < CHANNELS { self.output().await } else { Err(BusError::TooMany) }
+    async fn ping(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
+        let channel = channel_of(ids, index).filter(|&channel| channel < CHANNELS);
+        channel.ok_or(BusError::TooMany)?;
+        self.output().await
     }
 
-    async fn set_torque(&mut self, _ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
-        self.told.get_mut(index).ok_or(BusError::TooMany)?.torque(on);
+    async fn set_torque(&mut self, ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
+        let told = channel_of(ids, index).and_then(|channel| self.told.get_mut(channel));
+        told.ok_or(BusError::TooMany)?.torque(on);
         self.output().await
     }
 
     async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
-        let servos = self.told.iter_mut().zip(&self.calibrations);
-        for ((told, calibration), goal) in servos.zip(goals) {
-            told.goal(calibration.pulse_us(goal.position));
+        let mut fits = Ok(());
+        for goal in goals {
+            let channel = usize::from(goal.id);
+            match (self.told.get_mut(channel), self.calibrations.get(channel)) {
+                (Some(told), Some(calibration)) => {
+                    told.goal(calibration.pulse_us(goal.position));
+                }
+                _ => fits = Err(BusError::TooMany),
+            }
         }
-        let result = self.output().await;
-        if goals.len() > CHANNELS { Err(BusError::TooMany) } else { result }
+        self.output().await.and(fits)
     }
 }
 
@@ -195,6 +218,9 @@ mod tests {
         }
     }
 
+    /// Every channel, in another order.
+    const IDS: [u8; CHANNELS] = [5, 4, 3, 2, 1, 0, 15, 14, 13, 12, 11, 10, 9, 8, 7, 6];
+
     struct NoTime;
 
     impl DelayNs for NoTime {
@@ -211,11 +237,12 @@ mod tests {
         let mut chip = Chip::new();
         let mut bus = bus(&mut chip).unwrap();
         for index in 0..CHANNELS {
-            block_on(bus.set_torque(&[0; 16], index, true)).unwrap();
+            block_on(bus.set_torque(&IDS, index, true)).unwrap();
         }
         let positions: [i32; CHANNELS] = core::array::from_fn(|channel| 500 + 133 * channel as i32);
-        block_on(bus.write_goals(&positions.map(|position| Goal { id: 0, position }))).unwrap();
-        block_on(bus.set_torque(&[0; 16], 3, false)).unwrap();
+        block_on(bus.write_goals(&IDS.map(|id| Goal { id, position: positions[usize::from(id)] }))).unwrap();
+        let third = IDS.iter().position(|&id| id == 3).unwrap();
+        block_on(bus.set_torque(&IDS, third, false)).unwrap();
         // Awake; prescale of the data sheet's formula for 50 Hz.
         assert_eq!((chip.registers[0] & 1 << 4, chip.registers[0xFE]), (0, 121));
         let step_us = 122.0 / 25.0;
@@ -237,7 +264,7 @@ mod tests {
         let bus = bus(&mut chip).unwrap();
         let before = bus.board.destroy().transfers;
         let mut bus = self::bus(&mut chip).unwrap();
-        block_on(bus.write_goals(&[Goal { id: 0, position: 1500 }; 16])).unwrap();
+        block_on(bus.write_goals(&IDS.map(|id| Goal { id, position: 1500 }))).unwrap();
         assert_eq!(chip.transfers, 2 * before + 1);
         assert!(before > 0);
         assert!((0..CHANNELS).all(|channel| chip.channel(channel) == (0, FULL_OFF)));
@@ -250,7 +277,7 @@ mod tests {
         assert_eq!(bus(&mut chip).err(), Some(BusError::Port));
         chip.absent = false;
         let mut bus = bus(&mut chip).unwrap();
-        let goals = [Goal { id: 0, position: 1500 }; 17];
+        let goals = [Goal { id: 16, position: 1500 }];
         assert_eq!(block_on(bus.write_goals(&goals)), Err(BusError::TooMany));
         let chip = bus.board.destroy();
         chip.stuck = true;
@@ -261,15 +288,21 @@ mod tests {
     fn a_board_that_lost_power_is_set_up_again() {
         let mut chip = Chip::new();
         let mut bus = bus(&mut chip).unwrap();
-        block_on(bus.set_torque(&[0; 16], 0, true)).unwrap();
+        block_on(bus.set_torque(&[0], 0, true)).unwrap();
         block_on(bus.write_goals(&[Goal { id: 0, position: 1500 }])).unwrap();
-        let told = bus.told;
-        let chip = bus.board.destroy();
+        let Pca9685Bus { board, told, .. } = bus;
+        let chip = board.destroy();
         let good = chip.registers;
-        *chip = Chip::new();
-        let mut bus = self::bus(chip).unwrap();
+        *chip = Chip { absent: true, ..Chip::new() };
+        let calibrations = [Calibration::WIDE; CHANNELS];
+        let mut bus = Pca9685Bus::at(chip, Address::default(), NoTime, OSCILLATOR_HZ, calibrations).unwrap();
         bus.told = told;
-        block_on(bus.set_up()).unwrap();
+        assert_eq!(block_on(bus.ping(&[0], 0)), Err(BusError::Port));
+        let chip = bus.board.destroy();
+        chip.absent = false;
+        let mut bus = Pca9685Bus::at(chip, Address::default(), NoTime, OSCILLATOR_HZ, calibrations).unwrap();
+        bus.told = told;
+        block_on(bus.ping(&[0], 0)).unwrap();
         assert_eq!(bus.board.destroy().registers, good);
     }
 

@@ -4,7 +4,34 @@
 //! its line stays low, and it is limp. Nothing can be read back.
 
 use crate::bus::{BusError, Goal, ServoBus};
-use embedded_hal::pwm::SetDutyCycle;
+pub use embedded_hal::pwm::{ErrorType, SetDutyCycle};
+
+/// Counts per second of a timer whose pulses are as long as they are told to the microsecond, and whose period fits 16 bits.
+pub const COUNTS_HZ: u32 = 2_500_000;
+
+/// How a timer that counts [`COUNTS_HZ`] gives a number of pulses a second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timing {
+    /// Its greatest duty, and the count after which it starts again.
+    pub top: u16,
+    /// Its period in microseconds.
+    pub period_us: u16,
+}
+
+impl Timing {
+    /// For this many pulses a second: 40 to 400, which are so far apart that the longest pulse fits.
+    pub const fn of(hz: u32) -> Option<Self> {
+        if hz < 40 || hz > 400 {
+            return None;
+        }
+        Some(Self { top: (COUNTS_HZ / hz) as u16, period_us: (1_000_000 / hz) as u16 })
+    }
+
+    /// How long a pulse of so many counts is, in tenths of a microsecond.
+    pub const fn tenths_us(counts: u16) -> u32 {
+        counts as u32 * (10_000_000 / COUNTS_HZ)
+    }
+}
 
 /// How a servo answers to pulses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,6 +88,11 @@ impl Told {
     }
 }
 
+/// The channel of the servo in this place: its id.
+pub(crate) fn channel_of(ids: &[u8], index: usize) -> Option<usize> {
+    ids.get(index).copied().map(usize::from)
+}
+
 /// One servo on a PWM channel.
 #[derive(Debug)]
 pub struct Channel<P> {
@@ -84,7 +116,7 @@ impl<P: SetDutyCycle> Channel<P> {
     }
 }
 
-/// `N` hobby servos, a PWM channel each.
+/// Up to `N` hobby servos, a PWM channel each; a servo's id is the number of its channel.
 #[derive(Debug)]
 pub struct PwmBus<P, const N: usize> {
     channels: [Channel<P>; N],
@@ -99,19 +131,24 @@ impl<P: SetDutyCycle, const N: usize> PwmBus<P, N> {
 }
 
 impl<P: SetDutyCycle, const N: usize> ServoBus for PwmBus<P, N> {
-    async fn ping(&mut self, _ids: &[u8], index: usize) -> Result<(), BusError> {
-        if index < N { Ok(()) } else { Err(BusError::TooMany) }
+    async fn ping(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
+        channel_of(ids, index).filter(|&channel| channel < N).map(drop).ok_or(BusError::TooMany)
     }
 
-    async fn set_torque(&mut self, _ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
-        let channel = self.channels.get_mut(index).ok_or(BusError::TooMany)?;
+    async fn set_torque(&mut self, ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
+        let channel = channel_of(ids, index).and_then(|channel| self.channels.get_mut(channel));
+        let channel = channel.ok_or(BusError::TooMany)?;
         let pulse = channel.told.torque(on);
         channel.output(pulse, self.period_us)
     }
 
     async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
-        let mut result = if goals.len() > N { Err(BusError::TooMany) } else { Ok(()) };
-        for (channel, goal) in self.channels.iter_mut().zip(goals) {
+        let mut result = Ok(());
+        for goal in goals {
+            let Some(channel) = self.channels.get_mut(usize::from(goal.id)) else {
+                result = result.and(Err(BusError::TooMany));
+                continue;
+            };
             let pulse = channel.told.goal(channel.calibration.pulse_us(goal.position));
             result = result.and(channel.output(pulse, self.period_us));
         }
@@ -123,7 +160,7 @@ impl<P: SetDutyCycle, const N: usize> ServoBus for PwmBus<P, N> {
 mod tests {
     use super::*;
     use embassy_futures::block_on;
-    use embedded_hal::pwm::{ErrorKind, ErrorType};
+    use embedded_hal::pwm::ErrorKind;
 
     /// A channel of 0 to 40,000 counts, half a microsecond each at 50 Hz.
     #[derive(Default)]
@@ -148,8 +185,12 @@ mod tests {
     }
 
     fn goals(positions: [i32; 2]) -> [Goal; 2] {
-        positions.map(|position| Goal { id: 0, position })
+        let [first, second] = positions;
+        // In another order than the channels.
+        [Goal { id: 1, position: second }, Goal { id: 0, position: first }]
     }
+
+    const IDS: [u8; 3] = [1, 0, 2];
 
     #[test]
     fn a_pulse_comes_with_torque_and_a_goal_only() {
@@ -159,11 +200,11 @@ mod tests {
         let mut bus =
             PwmBus::new([Channel::new(first, Calibration::WIDE), Channel::new(second, trimmed)], 20_000);
         let duty = |bus: &PwmBus<&mut Pin, 2>| bus.channels.each_ref().map(|channel| channel.pin.duty);
-        block_on(bus.set_torque(&[1, 2], 0, true)).unwrap();
+        block_on(bus.set_torque(&IDS, 1, true)).unwrap();
         assert_eq!(duty(&bus), [Some(0), None]);
         block_on(bus.write_goals(&goals([1500, 1500]))).unwrap();
         assert_eq!(duty(&bus), [Some(3000), Some(0)]);
-        block_on(bus.set_torque(&[1, 2], 1, true)).unwrap();
+        block_on(bus.set_torque(&IDS, 0, true)).unwrap();
         assert_eq!(duty(&bus), [Some(3000), Some(2960)]);
         for (positions, expected) in [
             ([i32::MIN, i32::MIN], [1000, 1800]),
@@ -174,19 +215,38 @@ mod tests {
             block_on(bus.write_goals(&goals(positions))).unwrap();
             assert_eq!(duty(&bus), expected.map(Some));
         }
-        block_on(bus.set_torque(&[1, 2], 0, false)).unwrap();
+        block_on(bus.set_torque(&IDS, 1, false)).unwrap();
         block_on(bus.write_goals(&goals([1500, 1500]))).unwrap();
         assert_eq!(duty(&bus), [Some(0), Some(2960)]);
-        assert_eq!(block_on(bus.set_torque(&[1, 2], 2, true)), Err(BusError::TooMany));
-        assert_eq!(block_on(bus.ping(&[1, 2], 2)), Err(BusError::TooMany));
+        for index in [2, 3] {
+            assert_eq!(block_on(bus.set_torque(&IDS, index, true)), Err(BusError::TooMany));
+            assert_eq!(block_on(bus.ping(&IDS, index)), Err(BusError::TooMany));
+        }
+        assert_eq!(block_on(bus.write_goals(&[Goal { id: 2, position: 1500 }])), Err(BusError::TooMany));
+    }
+
+    #[test]
+    fn a_timer_gives_pulses_to_the_microsecond() {
+        assert_eq!(Timing::of(50), Some(Timing { top: 50_000, period_us: 20_000 }));
+        assert!(Timing::of(39).is_none() && Timing::of(401).is_none());
+        for hz in [40, 50, 60, 100, 333, 400] {
+            let Timing { top, period_us } = Timing::of(hz).unwrap();
+            for pulse in 500..=2500u32 {
+                // As `set_duty_cycle_fraction` does.
+                let counts = pulse * u32::from(top) / u32::from(period_us);
+                let tenths = Timing::tenths_us(counts as u16);
+                assert!(tenths.abs_diff(pulse * 10) <= 10, "{hz} Hz: {pulse} µs are {tenths} tenths");
+                assert!(hz != 50 || tenths.abs_diff(pulse * 10) < 4, "{pulse}");
+            }
+        }
     }
 
     #[test]
     fn a_channel_that_fails_leaves_the_others_driven() {
         let pins = [Pin { duty: None, broken: true }, Pin::default()];
         let mut bus = PwmBus::new(pins.map(|pin| Channel::new(pin, Calibration::default())), 20_000);
-        assert_eq!(block_on(bus.set_torque(&[1, 2], 0, true)), Err(BusError::Port));
-        block_on(bus.set_torque(&[1, 2], 1, true)).unwrap();
+        assert_eq!(block_on(bus.set_torque(&IDS, 1, true)), Err(BusError::Port));
+        block_on(bus.set_torque(&IDS, 0, true)).unwrap();
         assert_eq!(block_on(bus.write_goals(&goals([1000, 2000]))), Err(BusError::Port));
         assert_eq!(bus.channels[1].pin.duty, Some(4000));
         let mut readings = [None; 2];

@@ -1,9 +1,13 @@
 //! The boards that this workspace has firmware for, and their images with a clip and a joint map in them.
 
 use crate::image::Image;
+use crate::ports;
 use crate::profile::elf::Memory;
 use crate::puppet::{self, Map};
+use crate::servos::pins::PWM_PINS;
 use anyhow::{Result, anyhow, bail};
+use firmware::map::BusKind;
+use firmware::pwm::Timing;
 use serde::Serialize;
 
 /// QEMU's name of the board `qemu-mps2`.
@@ -26,7 +30,15 @@ pub struct Board {
     ram: u64,
     /// Whether a host can upload clips; all play at their own rate then.
     has_host: bool,
+    /// Kinds of buses that it has, one of each.
+    buses: &'static [BusKind],
 }
+
+/// Pulses a second that a PCA9685 gives.
+const PCA9685_HZ: u32 = 50;
+
+/// What boards with hobby servos have.
+const HOBBY: &[BusKind] = &[BusKind::Dynamixel, BusKind::Pca9685, BusKind::Pwm];
 
 const KB: u64 = 1 << 10;
 const MB: u64 = 1 << 20;
@@ -39,6 +51,7 @@ pub const QEMU_MPS2: Board = Board {
     flash: 4 * MB,
     ram: 4 * MB,
     has_host: false,
+    buses: &[BusKind::Dynamixel],
 };
 
 /// Raspberry Pi Pico.
@@ -49,6 +62,7 @@ pub const RP2040: Board = Board {
     flash: MB,
     ram: 264 * KB,
     has_host: true,
+    buses: HOBBY,
 };
 
 /// All.
@@ -62,6 +76,7 @@ pub const BOARDS: [Board; 5] = [
         flash: MB,
         ram: 512 * KB,
         has_host: true,
+        buses: HOBBY,
     },
     Board {
         name: "stm32f411",
@@ -70,6 +85,7 @@ pub const BOARDS: [Board; 5] = [
         flash: 512 * KB,
         ram: 128 * KB,
         has_host: true,
+        buses: &[BusKind::Dynamixel],
     },
     Board {
         name: "nrf52840",
@@ -78,6 +94,7 @@ pub const BOARDS: [Board; 5] = [
         flash: 512 * KB,
         ram: 256 * KB,
         has_host: true,
+        buses: &[BusKind::Dynamixel],
     },
 ];
 
@@ -94,11 +111,12 @@ impl Board {
     ///
     /// # Errors
     /// A sentence that says what is missing: the source, cargo, the target, or what cargo could not build; and where a rate is
-    /// given to a board that plays clips at their own.
+    /// given to a board that plays clips at their own, or the puppet has a bus or a servo for which the board has no place.
     pub fn build(&self, clip: &[u8], map: &Map, centihertz: u16) -> Result<Vec<u8>> {
         if self.has_host && centihertz != 0 {
             bail!("this board plays clips at their own rate, and not at another one: leave --fps out");
         }
+        self.has_buses_of(map)?;
         let image = Image {
             package: self.name,
             source: self.source,
@@ -113,6 +131,45 @@ impl Board {
             variables: &[("BUNRAKU_CENTIHERTZ", &centihertz.to_string()), ("DEFMT_LOG", "info")],
         };
         Ok(image.build()?.concat())
+    }
+
+    /// Whether all servos of a puppet find a place.
+    ///
+    /// # Errors
+    /// A sentence about the first bus or servo that does not.
+    fn has_buses_of(&self, map: &Map) -> Result<()> {
+        for (index, bus) in map.buses().iter().enumerate() {
+            let (kind, has) = (ports::name(bus.kind), self.buses.iter().map(|kind| ports::name(*kind)));
+            if !self.buses.contains(&bus.kind) {
+                bail!(
+                    "this board has no bus of the kind \"{kind}\", only {}",
+                    has.collect::<Vec<_>>().join(", ")
+                );
+            }
+            if map.buses().iter().take(index).any(|other| other.kind == bus.kind) {
+                bail!("the puppet has two buses of the kind \"{kind}\", and this board one");
+            }
+            if bus.kind == BusKind::Pca9685 && bus.baud != PCA9685_HZ {
+                bail!("this board's PCA9685 gives {PCA9685_HZ} pulses a second, and `baud` is {}", bus.baud);
+            }
+            if bus.kind != BusKind::Pwm {
+                continue;
+            }
+            if Timing::of(bus.baud).is_none() {
+                bail!("this board gives 40 to 400 pulses a second on PWM pins, and `baud` is {}", bus.baud);
+            }
+            let joints = map.joints().iter().filter(|joint| usize::from(joint.bus) == index);
+            if let Some(joint) =
+                joints.max_by_key(|joint| joint.id).filter(|joint| usize::from(joint.id) >= PWM_PINS)
+            {
+                bail!(
+                    "a servo has the id {} on \"pwm\", and this board has {PWM_PINS} PWM pins, 0 to {}",
+                    joint.id,
+                    PWM_PINS - 1
+                );
+            }
+        }
+        Ok(())
     }
 
     /// What an image for this board takes.
@@ -205,6 +262,40 @@ mod tests {
         assert_eq!(complaints[1], "rp2040 takes 150 bytes of ram, expected at most 149");
         assert!(exceeded("[rp2040]\nflash = 1000").unwrap_err().to_string().contains("ram"));
         assert!(exceeded("[rp2350]").unwrap_err().to_string().contains("[rp2040]"));
+    }
+
+    #[test]
+    fn a_bus_or_a_servo_that_finds_no_place_is_named() {
+        let puppet = |buses: &[(&str, u32)], id: u8| {
+            let mut text = "servo_hz = 50\n".to_owned();
+            for (index, (kind, baud)) in buses.iter().enumerate() {
+                text += &format!("[[bus]]\nname = '{index}'\nkind = '{kind}'\nbaud = {baud}\n");
+            }
+            for index in 0..buses.len() {
+                text += &format!(
+                    "[[joint]]\nname = '{index}'\nchannel = 'head.ry'\nbus = '{index}'\nid = {id}\nrange = [-1, 1]\n\
+                     max_speed = 100\n"
+                );
+            }
+            let puppet = puppet::Puppet::parse(std::path::Path::new("puppet.toml"), text).unwrap();
+            puppet.map(&encoder::sample::clip().skeleton).unwrap()
+        };
+        let refused = |board: &Board, buses: &[(&str, u32)], id| {
+            board.has_buses_of(&puppet(buses, id)).map_err(|error| error.to_string())
+        };
+        let all = [("pwm", 50), ("dynamixel", 57_600), ("pca9685", 50)];
+        assert_eq!(refused(&RP2040, &all, 7), Ok(()));
+        assert_eq!(
+            refused(&QEMU_MPS2, &all, 7).unwrap_err(),
+            "this board has no bus of the kind \"pwm\", only dynamixel"
+        );
+        let sts = refused(&RP2040, &[("sts", 1_000_000)], 1).unwrap_err();
+        assert!(sts.ends_with("\"sts\", only dynamixel, pca9685, pwm"), "{sts}");
+        let pins = refused(&RP2040, &all, 8).unwrap_err();
+        assert_eq!(pins, "a servo has the id 8 on \"pwm\", and this board has 8 PWM pins, 0 to 7");
+        assert!(refused(&RP2040, &[("pwm", 50), ("pwm", 50)], 1).unwrap_err().contains("two buses"));
+        assert!(refused(&RP2040, &[("pwm", 500)], 1).unwrap_err().contains("`baud` is 500"));
+        assert!(refused(&RP2040, &[("pca9685", 60)], 1).unwrap_err().contains("`baud` is 60"));
     }
 
     #[test]

@@ -9,8 +9,11 @@ use crate::qemu;
 use crate::qemu_log::Log;
 use crate::rp2040js;
 use crate::servos::line::{Instantly, Line};
-use crate::thumb::{Board, Core, Image, Machine, Usage};
+use crate::servos::pins::Board;
+use crate::thumb::{self, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
+use firmware::bus::ServoBus;
+use firmware::bus::mixed::{Parts, mixed};
 use firmware::bus::port::{Automatic, Line as Timing, Port};
 use firmware::drive::{Surroundings, drive};
 use firmware::dynamixel::bus::DynamixelBus;
@@ -18,9 +21,10 @@ use firmware::dynamixel::client::Client;
 use firmware::fault::Feedback;
 use firmware::library::Single;
 use firmware::machine::{Machine as Puppet, Show, Start};
-use firmware::map::MAX_SERVOS;
+use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::stage::Library;
 use firmware::voice::{Frames, Voice};
+use std::cell::RefCell;
 use std::future::Future;
 use std::io;
 use std::pin::pin;
@@ -90,7 +94,7 @@ fn record(frames: &mut dyn Frames, map: &Map, rate: u16) -> Result<Recording> {
     frames.approach(0);
     let library = Single::new(frames, Some(rate));
     let mut puppet = Puppet::new(map, library, Show { playlist: &[0], ..Show::default() }, Start::Power);
-    let recorder = on_the_spot(&mut puppet, Recorder::new(map)?, &mut ToTheEnd)?;
+    let recorder = on_the_spot(&mut puppet, Recorder::with_pins(map)?, &mut ToTheEnd)?;
     if let Some(fault) = puppet.fault() {
         bail!("{fault}");
     }
@@ -100,15 +104,55 @@ fn record(frames: &mut dyn Frames, map: &Map, rate: u16) -> Result<Recording> {
 /// Drives a machine on virtual servos in no time.
 pub(crate) fn on_the_spot<'m, L: Library, S: Surroundings<L, MAX_SERVOS>>(
     puppet: &mut Puppet<'m, L, MAX_SERVOS>,
-    mut recorder: Recorder<'m>,
+    recorder: Recorder<'m>,
     surroundings: &mut S,
 ) -> Result<Recorder<'m>> {
-    let baud = puppet.map().buses().first().map_or(0, |bus| bus.baud);
-    let line = Line::new(|bytes: &[u8]| recorder.receive(bytes));
-    let port = Port::new(line, Automatic, Instantly, Timing::uart(baud));
-    let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
-    now(drive(puppet, &mut bus, surroundings))?;
-    Ok(recorder)
+    let recorder = RefCell::new(recorder);
+    let (board, hear) = (Board::default(), |bytes: &[u8]| recorder.borrow_mut().receive(bytes));
+    let mut bus = virtual_bus(puppet.map(), &board, hear)?;
+    let end_tick = || recorder.borrow_mut().end_tick(&board.pins());
+    now(drive(puppet, &mut bus, &mut Noting { surroundings, end_tick }))?;
+    drop(bus);
+    Ok(recorder.into_inner())
+}
+
+/// The buses of a puppet in this program: Dynamixel X behind a line that `hear` answers, and hobby servos on a board's pins.
+pub fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
+    map: &Map,
+    board: &Board,
+    hear: F,
+) -> Result<impl ServoBus + use<F>> {
+    let of = |kind: BusKind| map.buses().iter().find(|bus| bus.kind == kind);
+    let baud = of(BusKind::Dynamixel).map_or(1, |bus| bus.baud);
+    let port = Port::new(Line::new(hear), Automatic, Instantly, Timing::uart(baud));
+    let serial = DynamixelBus::<_, _, _>::new(Client::new(port));
+    let parts = Parts {
+        serial: Some((BusKind::Dynamixel, serial)),
+        pca9685: Some(board.pca9685()?),
+        pwm: of(BusKind::Pwm).map(|spec| board.pwm(*spec)).transpose()?,
+    };
+    Ok(mixed(map, parts)?)
+}
+
+/// Surroundings, and somebody who looks at the end of each tick.
+struct Noting<'s, S, F> {
+    surroundings: &'s mut S,
+    end_tick: F,
+}
+
+impl<L: Library, S: Surroundings<L, N>, F: FnMut(), const N: usize> Surroundings<L, N> for Noting<'_, S, F> {
+    async fn wait(&mut self, tick: u32) -> bool {
+        self.surroundings.wait(tick).await
+    }
+
+    fn control(&mut self, puppet: &mut Puppet<'_, L, N>, feedback: &Feedback<'_>) -> bool {
+        self.surroundings.control(puppet, feedback)
+    }
+
+    fn feed(&mut self) {
+        (self.end_tick)();
+        self.surroundings.feed();
+    }
 }
 
 /// Until the puppet rests, as fast as it goes.
@@ -164,7 +208,8 @@ pub fn on_sim(
     let elf = board::QEMU_MPS2.build(bytes, map, centihertz)?;
     let mut lines = Log::new(&elf)?;
     let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
-    let mut machine = Machine::new(Core::M4, &Board::mps2(), &image).map_err(|error| anyhow!(error))?;
+    let mut machine =
+        Machine::new(Core::M4, &thumb::Board::mps2(), &image).map_err(|error| anyhow!(error))?;
     let mut recorder = Recorder::new(map)?;
     let mut garbled = Ok(());
     let ended = machine.run_to_exit(
@@ -196,18 +241,16 @@ pub fn on_rp2040(
     log: &mut dyn FnMut(&str),
 ) -> Result<(Recording, rp2040js::Figures)> {
     let elf = board::RP2040.build(bytes, map, centihertz)?;
-    let mut recorder = Recorder::new(map)?;
+    let recorder = RefCell::new(Recorder::with_pins(map)?);
     let limit = limit(clip.frames(), rate(clip, centihertz));
-    let figures = rp2040js::run(
-        &elf,
-        &rp2040js::package(),
-        &mut |bytes| recorder.receive(bytes),
-        None,
-        None,
-        limit,
-        log,
-    )?;
-    Ok((recorder.finish()?, figures))
+    let world = rp2040js::World {
+        servos: &mut |bytes| recorder.borrow_mut().receive(bytes),
+        pins: &mut |pins| recorder.borrow_mut().end_tick(pins),
+        host: None,
+        hang: None,
+    };
+    let figures = rp2040js::run(&elf, &rp2040js::package(), world, limit, log)?;
+    Ok((recorder.into_inner().finish()?, figures))
 }
 
 /// How long QEMU may take, or simulated time be: simulated seconds took half a second each where this was measured.

@@ -1,4 +1,5 @@
-// Runs an image for the Raspberry Pi Pico on rp2040js, with the servo bus on UART 0 and a host on UART 1.
+// Runs an image for the Raspberry Pi Pico on rp2040js, with the servo bus on UART 0, a host on UART 1, and
+// hobby servos on a PCA9685 on I2C 0 and on PWM pins.
 //
 // Usage: node rp2040js.mjs RP2040JS FLASH RTT SECONDS [host [HANG]]
 //   RP2040JS  folder of the npm package
@@ -14,7 +15,9 @@
 //   1  the image has logged these
 //   2  the last one: figures, as JSON
 //   3  a millisecond has gone by, in which the image has sent these to the host. The answer is as that of 0
-//   4  what has happened here, as text
+//   4  the image has fed its watchdog, at the end of a tick: the registers of the PCA9685 on I2C 0, and the pulses on the PWM pins
+//      in tenths of a microsecond, 4 bytes each (0: none). The answer is as that of 0, and empty
+//   5  what has happened here, as text
 //
 // What rp2040js 1.4.1 does not have, and what is done about it:
 // - There is no boot ROM. Its functions that embassy's flash driver calls are written here, with the time that erasing and writing take (Winbond
@@ -27,6 +30,7 @@
 // - Its watchdog bites and says why, and resets nothing. With a host, the chip starts again as section 4.7 of the datasheet has it: all that
 //   PSM.WDSEL names is new, which has to be all but the oscillators; RAM, REASON and the scratch registers keep what they
 //   have. Only the timer goes on, which begins at zero on the chip. Without a host, that is the end.
+// - Its I2C ignores its interrupt mask, and takes no time.
 // - SEV does nothing. Here it wakes WFE, as on the chip. Time asleep is skipped.
 import { readFileSync, readSync, writeSync } from "node:fs";
 import { join } from "node:path";
@@ -46,6 +50,8 @@ const UARTS = [
 const XIP_CONTROL = 0x14000;
 const DIRECTION_PIN = 2;
 const TRIGGER_PIN = 3;
+const PWM_PINS = [10, 11, 12, 13, 14, 15, 16, 17];
+const PWM_FUNCTION = 4;
 // What a servo with a return delay of 0 needs to answer. Until then the bus must have changed its direction.
 const ANSWER_NANOS = 10_000;
 
@@ -53,8 +59,9 @@ const LOG = 1;
 const FIGURES = 2;
 const SENT = 0;
 const HOST = 3;
+const TICK = 4;
 const HOST_NANOS = 1e6;
-const NOTE = 4;
+const NOTE = 5;
 const END = 0xffffffff;
 
 function put(kind, bytes) {
@@ -306,6 +313,72 @@ class Uart extends BasePeripheral {
 let bus;
 let hostUart;
 
+// A PCA9685 (NXP's data sheet, section 7.3) with the time that bits take. Nothing is read from it.
+const pca9685 = {
+  ADDRESS: 0x40,
+  registers: new Uint8Array(256),
+  // The register that the next byte goes to; none yet after the address.
+  at: null,
+  write(byte) {
+    const [MODE1, PRESCALE, SLEEP, AUTO_INCREMENT] = [0x00, 0xfe, 0x10, 0x20];
+    if (this.at === null) {
+      this.at = byte;
+      return;
+    }
+    if (this.at !== PRESCALE || (this.registers[MODE1] & SLEEP) !== 0) {
+      this.registers[this.at] = byte;
+    }
+    this.at = (this.at + ((this.registers[MODE1] & AUTO_INCREMENT) !== 0 ? 1 : 0)) & 0xff;
+  },
+};
+pca9685.registers[0x00] = 0x11;
+pca9685.registers[0xfe] = 0x1e;
+const i2cAlarm = clock.createAlarm(() => i2cAlarm.then());
+// Which interrupts it raises cannot be set in rp2040js.
+const I2C_INTERRUPT_MASK = 0x30;
+
+// The PCA9685 on the I2C of a new chip.
+function wireI2c(i2c) {
+  const after = (bits, then) => {
+    const { sclHighPeriod, sclLowPeriod } = i2c;
+    i2cAlarm.then = then;
+    i2cAlarm.schedule((bits * (sclHighPeriod + sclLowPeriod) * 1e9) / chip.clkSys);
+  };
+  i2c.onStart = () => after(1, () => i2c.completeStart());
+  i2c.onConnect = (address) => after(9, () => {
+    pca9685.at = null;
+    i2c.completeConnect(address === pca9685.ADDRESS);
+  });
+  i2c.onWriteByte = (byte) => after(9, () => {
+    pca9685.write(byte);
+    i2c.completeWrite(true);
+  });
+  i2c.onStop = () => after(1, () => i2c.completeStop());
+  const written = i2c.writeUint32.bind(i2c);
+  i2c.writeUint32 = (offset, value) => {
+    if (offset === I2C_INTERRUPT_MASK) {
+      i2c.intEnable = value;
+      i2c.checkInterrupts();
+    } else {
+      written(offset, value);
+    }
+  };
+}
+
+// The pulses on the PWM pins as their slices are set (RP2040 datasheet, section 4.5).
+function pulses() {
+  const bytes = Buffer.alloc(4 * PWM_PINS.length);
+  PWM_PINS.forEach((pin, index) => {
+    const slice = 0x40050000 + 0x14 * ((pin >> 1) & 7);
+    const [control, divider, compare] = [0x0, 0x4, 0xc].map((offset) => chip.readUint32(slice + offset));
+    const counts = pin & 1 ? compare >>> 16 : compare & 0xffff;
+    const runs = (control & 1) !== 0 && chip.gpio[pin].functionSelect === PWM_FUNCTION;
+    const tenths = (counts * divider * 1e7) / 16 / chip.clkSys;
+    bytes.writeUInt32LE(runs ? Math.round(tenths) : 0, 4 * index);
+  });
+  return bytes;
+}
+
 // The flash cache's registers, which are not there: nothing is being read ahead.
 class Idle extends BasePeripheral {
   readUint32() {
@@ -380,6 +453,7 @@ const PSM = 0x40010;
 const WDSEL = 0x08;
 const ALL_BUT_OSCILLATORS = 0x1fffc;
 const WATCHDOG = 0x40058;
+const WATCHDOG_LOAD = 0x04;
 
 // What is on the board, around a new chip; its core is before the image's first instruction.
 function wire() {
@@ -394,7 +468,16 @@ function wire() {
     return uart;
   });
   chip.peripherals[XIP_CONTROL] = new Idle(chip, "XIP_CTRL");
-  chip.peripherals[WATCHDOG].onWatchdogTrigger = bite;
+  wireI2c(chip.i2c[0]);
+  const watchdog = chip.peripherals[WATCHDOG];
+  const loaded = watchdog.writeUint32.bind(watchdog);
+  watchdog.writeUint32 = (offset, value) => {
+    loaded(offset, value);
+    if (offset === WATCHDOG_LOAD) {
+      ask(TICK, Buffer.concat([pca9685.registers, pulses()]));
+    }
+  };
+  watchdog.onWatchdogTrigger = bite;
   const bootrom = new DataView(chip.bootrom.buffer);
   bootrom.setUint32(0x14, 0x00f0, true);
   bootrom.setUint32(0x18, 0x0101, true);

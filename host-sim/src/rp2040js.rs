@@ -3,6 +3,7 @@
 //! What rp2040js lacks is written at the top of rp2040js.mjs, which runs in Node.js.
 
 use crate::qemu_log::Log;
+use crate::servos::pins::Pins;
 use crate::thumb::{Board, Image, Memory};
 use anyhow::{Context, Result, anyhow, bail};
 use std::io::{ErrorKind, Read, Seek, Write};
@@ -43,13 +44,23 @@ pub type Device<'d> = dyn FnMut(&[u8]) -> Vec<u8> + 'd;
 /// What is on the other end of the host's line, once a simulated millisecond; none ends the simulation.
 pub type Host<'d> = dyn FnMut(&[u8]) -> Option<Vec<u8>> + 'd;
 
+/// Who looks at the pins of hobby servos after each tick.
+pub type Watcher<'d> = dyn FnMut(&Pins) + 'd;
+
+/// What is around the Pico.
+pub struct World<'w, 'd> {
+    /// Takes what was sent on the bus when the line falls silent, and gives the answer.
+    pub servos: &'w mut Device<'d>,
+    /// Is shown the pins of hobby servos after each tick.
+    pub pins: &'w mut Watcher<'d>,
+    /// With a host, a watchdog that is not fed starts the chip again, which the log is told; without one it is the end.
+    pub host: Option<&'w mut Host<'d>>,
+    /// Simulated time after which the core is in an endless loop with its interrupts masked, until the watchdog bites; with a host only.
+    pub hang: Option<Duration>,
+}
+
 /// Runs an image until it logs that the puppet rests or, with a host, until that ends it. `package` is the folder of the npm
-/// package rp2040js.
-///
-/// `servos` take what was sent on the bus when the line falls silent, and give the answer. `log` gets every line that the image logs.
-///
-/// With a host, a watchdog that is not fed starts the chip again, which `log` is told; without one it is the end. After `hang` of simulated time
-/// the core is in an endless loop with its interrupts masked, until the watchdog bites.
+/// package rp2040js. `log` gets every line that the image logs.
 ///
 /// # Errors
 /// A sentence that says what is missing or went wrong: no Node.js, no package, an error in the image's log (with a host that is
@@ -57,9 +68,7 @@ pub type Host<'d> = dyn FnMut(&[u8]) -> Option<Vec<u8>> + 'd;
 pub fn run(
     elf: &[u8],
     package: &Path,
-    servos: &mut Device<'_>,
-    host: Option<&mut Host<'_>>,
-    hang: Option<Duration>,
+    world: World<'_, '_>,
     limit: Duration,
     log: &mut dyn FnMut(&str),
 ) -> Result<Figures> {
@@ -82,15 +91,15 @@ pub fn run(
         .arg(script)
         .args([package, &flash])
         .args([rtt.to_string(), limit.as_secs().to_string()])
-        .args(host.is_some().then_some("host"))
-        .args(hang.filter(|_| host.is_some()).map(|hang| hang.as_millis().to_string()))
+        .args(world.host.is_some().then_some("host"))
+        .args(world.hang.filter(|_| world.host.is_some()).map(|hang| hang.as_millis().to_string()))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(complaints.try_clone().context("cannot write a temporary file")?)
         .spawn()
         .context("cannot start node, which runs rp2040js (Debian's package nodejs)")?;
     let mut emulator = Emulator { child, log: Log::new(elf)?, rests: false, failed: None };
-    let figures = emulator.serve(servos, host, log);
+    let figures = emulator.serve(world, log);
     drop(emulator);
     figures.map_err(|error| {
         let mut said = String::new();
@@ -130,12 +139,8 @@ impl Drop for Emulator {
 
 impl Emulator {
     /// Serves messages until the end.
-    fn serve(
-        &mut self,
-        servos: &mut Device<'_>,
-        mut host: Option<&mut Host<'_>>,
-        log: &mut dyn FnMut(&str),
-    ) -> Result<Figures> {
+    fn serve(&mut self, world: World<'_, '_>, log: &mut dyn FnMut(&str)) -> Result<Figures> {
+        let World { servos, pins, mut host, .. } = world;
         let (Some(mut from), Some(mut to)) = (self.child.stdout.take(), self.child.stdin.take()) else {
             bail!("node has no pipes");
         };
@@ -146,7 +151,7 @@ impl Emulator {
                 Err(error) => return Err(error).context("cannot read from rp2040js"),
             };
             let answer = match message {
-                (0, _) if self.rests && host.is_none() => None,
+                (0 | 4, _) if self.rests && host.is_none() => None,
                 (0, bytes) => Some(servos(&bytes)),
                 (1, bytes) => {
                     self.hear(&bytes, log)?;
@@ -155,11 +160,15 @@ impl Emulator {
                         _ => continue,
                     }
                 }
-                (4, bytes) => {
+                (5, bytes) => {
                     log(&String::from_utf8_lossy(&bytes));
                     continue;
                 }
                 (2, bytes) => return serde_json::from_slice(&bytes).context("rp2040js' figures"),
+                (4, bytes) => {
+                    pins(&Pins::parse(&bytes).context("rp2040js tells of its pins something else")?);
+                    Some(Vec::new())
+                }
                 (_, bytes) => host.as_mut().and_then(|host| host(&bytes)),
             };
             let length = match &answer {
@@ -213,7 +222,8 @@ mod tests {
     #[test]
     fn a_folder_without_the_package_is_named() {
         let path = Path::new("no/such");
-        let error = run(b"", path, &mut |_| Vec::new(), None, None, Duration::ZERO, &mut |_| {});
+        let world = World { servos: &mut |_| Vec::new(), pins: &mut |_| {}, host: None, hang: None };
+        let error = run(b"", path, world, Duration::ZERO, &mut |_| {});
         assert!(error.unwrap_err().to_string().contains("no/such"));
     }
 

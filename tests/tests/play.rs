@@ -134,6 +134,59 @@ fn the_sample_is_the_same_on_a_pico() {
 }
 
 #[test]
+fn hobby_servos_are_told_the_same_on_a_pico() {
+    if npm_package("rp2040js").is_none() || !require_target("thumbv6m-none-eabi") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let (motion, skeleton) = write_sample(folder.path());
+    let play = |puppet: &str, on| play(folder.path(), &motion, &skeleton, puppet, "qmd", on);
+    let ((report, here), (_, there)) = (play("hobby.toml", "host"), play("hobby.toml", "rp2040"));
+    assert!(here == there, "the logs differ");
+    // Eight on a PCA9685 and two on PWM pins go from where they are at rest, about, and back to there.
+    let goals = |id: u8| -> Vec<i32> {
+        let id = id.to_string();
+        let rows = here.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        rows.filter(|row| row[1] == id).map(|row| row[2].parse().unwrap()).collect()
+    };
+    let ticks = report["ticks"].as_u64().unwrap() as usize;
+    for id in (8..16).chain([0, 1]) {
+        let goals = goals(id);
+        assert!((ticks - 20..ticks).contains(&goals.len()), "{id}: {} of {ticks} ticks", goals.len());
+        let (least, most) = (goals.iter().min().unwrap(), goals.iter().max().unwrap());
+        assert!(
+            most - least > 20 && (500..=2500).contains(least) && *most <= 2500,
+            "{id}: {least} to {most}"
+        );
+        assert_eq!(goals.first(), goals.last(), "{id}");
+    }
+    // In single microseconds on pins, in steps of 4.88 on the PCA9685.
+    assert_eq!((goals(0)[0], goals(1)[0]), (2000, 1000));
+    assert_eq!((goals(8)[0], goals(15)[0]), (1835, 2308));
+    assert_eq!(goals(21).len(), ticks);
+}
+
+#[test]
+fn a_bus_that_a_board_has_not_is_one_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let (motion, skeleton) = write_sample(folder.path());
+    let clip = folder.path().join("clip.qmd");
+    succeeds(bunraku().arg("encode").arg(&motion).arg("--skeleton").arg(&skeleton).arg("-o").arg(&clip));
+    for (puppet, board, expected) in [
+        ("hobby.toml", "stm32f411", "no bus of the kind \"pca9685\""),
+        ("sample-buses.toml", "rp2040", "no bus of the kind \"dynamixel1\""),
+    ] {
+        let mut image = bunraku();
+        image.arg("image").arg(&clip).arg("--puppet").arg(workspace().join("puppets").join(puppet));
+        let Output { status, stderr, .. } =
+            image.arg("--skeleton").arg(&skeleton).args(["--board", board]).output().unwrap();
+        let said = String::from_utf8(stderr).unwrap();
+        assert_eq!((status.code(), said.lines().count()), (Some(1), 1), "{said}");
+        assert!(said.contains(expected), "{said}");
+    }
+}
+
+#[test]
 fn cargo_run_in_the_boards_folder_plays_the_sample() {
     if !can_run_the_board() {
         return;

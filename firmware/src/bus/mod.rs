@@ -5,6 +5,7 @@
 
 pub mod blocking;
 mod both;
+pub mod mixed;
 pub mod port;
 pub(crate) mod roll;
 
@@ -94,7 +95,7 @@ impl core::error::Error for BusError {}
 /// A bus of servos.
 ///
 /// `ids` are always the ids of all servos of this bus in the order of the joint map, and `index` counts into them:
-/// buses without ids (PWM) go by the index, and joined buses may hold the same id twice. Every method returns
+/// joined buses may hold the same id twice. Every method returns
 /// within a time that the bus states, however the wire behaves; after an error the next call finds the bus usable.
 /// A cancelled call (a dropped future) leaves the bus usable too.
 ///

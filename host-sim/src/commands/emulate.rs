@@ -81,7 +81,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let hang = args.hang.map(Duration::from_millis);
     let limit = Duration::from_secs(FOR_EVER);
     let log = &mut |said: &str| eprintln!("{said}");
-    rp2040js::run(&elf, &rp2040js::package(), &mut bus, Some(&mut host), hang, limit, log)?;
+    let world = rp2040js::World { servos: &mut bus, pins: &mut |_| {}, host: Some(&mut host), hang };
+    rp2040js::run(&elf, &rp2040js::package(), world, limit, log)?;
     if end.is_none() {
         bail!("the emulator has ended");
     }

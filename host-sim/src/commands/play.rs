@@ -96,7 +96,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         }),
         On::Port(port) => {
             let names = Puppet::read(&args.puppet)?.bus_names();
-            let buses = ports::open(&map, &ports::paths(port, &names)?)?;
+            let buses = ports::open(&map, &ports::paths(port, &names, |_| true)?)?;
             let asked = asked_to_end()?;
             let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
             clip.decode(|frames| ports::play(frames, &map, rate, buses, asked, log)).map(|played| {
@@ -153,7 +153,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
 }
 
 /// Counts how often Ctrl-C was pressed, or somebody asked this program to end by a signal.
-fn asked_to_end() -> Result<&'static AtomicUsize> {
+pub fn asked_to_end() -> Result<&'static AtomicUsize> {
     static ASKED: AtomicUsize = AtomicUsize::new(0);
     let note = || {
         ASKED.fetch_add(1, Ordering::Relaxed);

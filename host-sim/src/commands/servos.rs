@@ -1,15 +1,22 @@
-//! `bunraku servos`: virtual servos for any Dynamixel client.
+//! `bunraku servos`: virtual servos for any client.
 
-use anyhow::Context;
-use host_sim::servos::{Bus, BusConfig, config, serve};
+use anyhow::{Context, bail};
+use host_sim::ports;
+use host_sim::servos::{ConfigError, Event, config, serve};
+use std::fs::File;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::Instant;
 
-/// Virtual Dynamixel X-series servos (protocol 2.0) on a serial port or a TCP port.
+/// Virtual servos on serial ports or TCP ports, one for each bus of a puppet: Dynamixel X (protocol 2.0), AX and MX (1.0),
+/// Feetech STS and SCS, and what takes Blender's live frames.
 ///
-/// Prints the port to connect to and answers until it is stopped with Ctrl-C.
+/// Prints the port to connect to (NAME=PORT,NAME=PORT for several buses, as `--on` of other commands takes it) and answers until
+/// it is stopped with Ctrl-C.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku servos --config puppet.toml --listen pty\n  \
     /dev/pts/3\n\nThen open /dev/pts/3 with any client, such as ROBOTIS' dynamixel-sdk, at any baud rate.")]
@@ -17,13 +24,16 @@ pub struct Args {
     /// The puppet: one servo for the id of each joint
     #[arg(long, value_name = "PUPPET.TOML")]
     config: PathBuf,
-    /// Where clients connect: `pty` or `tcp:HOST:PORT` (port 0 takes a free one)
+    /// Where clients connect: `pty` or `tcp:HOST:PORT` (port 0 takes a free one, else several buses take the ports from it on)
     #[arg(long, value_name = "LINE", default_value = "pty")]
     listen: Listen,
     /// What happens to the servos, by seconds since they were started: `[[event]]` with `at` and `what`, for instance
-    /// at = 5.0, what = "turn", servo = 3, position = 1000 (or restart, silence, cut)
+    /// at = 5.0, what = "turn", servo = 3, position = 1000 (or restart, silence, cut), and `bus` where there are several
     #[arg(long, value_name = "EVENTS.TOML")]
     events: Option<PathBuf>,
+    /// Where it is written what the servos are told: time in seconds, bus, servo, goal position
+    #[arg(long, value_name = "OUT.csv")]
+    log: Option<PathBuf>,
     /// Print the port and the ids as JSON
     #[arg(long)]
     json: bool,
@@ -50,49 +60,157 @@ impl FromStr for Listen {
     }
 }
 
+/// A port that is open.
+enum Port {
+    #[cfg(unix)]
+    Pty(Box<serve::Pty>),
+    Tcp(serve::Tcp),
+}
+
+impl Port {
+    /// The `number`th port.
+    fn open(listen: &Listen, number: u16) -> anyhow::Result<Self> {
+        match listen {
+            #[cfg(unix)]
+            Listen::Pty => Ok(Self::Pty(Box::new(serve::Pty::open()?))),
+            #[cfg(not(unix))]
+            Listen::Pty => bail!("this system has no pseudo terminals; use --listen tcp:127.0.0.1:0"),
+            Listen::Tcp(address) => {
+                let apart =
+                    address.rsplit_once(':').and_then(|(host, port)| Some((host, port.parse::<u16>().ok()?)));
+                let address = match apart {
+                    Some((host, port)) if port > 0 => format!("{host}:{}", port.saturating_add(number)),
+                    _ => address.clone(),
+                };
+                Ok(Self::Tcp(serve::Tcp::bind(&address)?))
+            }
+        }
+    }
+
+    fn name(&self) -> anyhow::Result<String> {
+        Ok(match self {
+            #[cfg(unix)]
+            Self::Pty(pty) => pty.path().display().to_string(),
+            Self::Tcp(tcp) => tcp.address()?.to_string(),
+        })
+    }
+
+    fn serve(&mut self, served: serve::Served) -> anyhow::Result<()> {
+        match self {
+            #[cfg(unix)]
+            Self::Pty(pty) => pty.serve(served),
+            Self::Tcp(tcp) => tcp.serve(served),
+        }
+    }
+}
+
 /// Serves until the process is stopped.
 ///
 /// # Errors
-/// A sentence about the puppet, the port or the line.
+/// A sentence about the puppet, a port or a line.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let Args { config: path, listen, events, json } = args;
-    let config = BusConfig { byte_gap_us: serve::BYTE_GAP_US, ..config::read(&path)? };
-    let mut bus =
-        Bus::new(&config).with_context(|| format!("{} does not describe servos", path.display()))?;
-    if let Some(events) = events {
-        for (at_us, deed) in config::read_events(&events)? {
-            bus.schedule(at_us, deed).with_context(|| events.display().to_string())?;
+    let log = args.log.as_deref().map(open_log).transpose()?;
+    let mut events = args.events.as_deref().map(config::read_events).transpose()?.unwrap_or_default();
+    let mut open = Vec::new();
+    let power_on = Instant::now();
+    for bus in config::read(&args.config)? {
+        let named = || format!("{} does not describe servos", args.config.display());
+        let Some(mut wire) = bus.wire(serve::BYTE_GAP_US).with_context(named)? else {
+            eprintln!(
+                "bunraku: the bus \"{}\" ({}) hangs on a board's pins: left out",
+                bus.name,
+                ports::name(bus.kind)
+            );
+            continue;
+        };
+        // An event without a bus is for the first one that has its servo, and a cut is for all.
+        let mut left = Vec::new();
+        for (at_us, name, deed) in events {
+            let here = name.as_ref().is_none_or(|name| *name == bus.name);
+            let all = name.is_none() && deed.servo().is_none();
+            if !(here && wire.schedule(at_us, deed).is_ok()) || all {
+                left.push((at_us, name, deed));
+            }
+        }
+        events = left;
+        let tap = tap(log.clone(), &bus.name);
+        let served = serve::Served { wire, power_on, tap };
+        open.push((Port::open(&args.listen, u16::try_from(open.len())?)?, bus, served));
+    }
+    if open.is_empty() {
+        bail!("{}: all servos hang on a board's pins, and none on a port", args.config.display());
+    }
+    if let Some(path) = &args.events {
+        for (_, name, deed) in events {
+            match (deed.servo(), name) {
+                (Some(servo), None) => {
+                    return Err(ConfigError::Absent(servo)).with_context(|| path.display().to_string());
+                }
+                (servo, Some(name)) => {
+                    let servo = servo.map_or(String::new(), |servo| format!(" with a servo {servo}"));
+                    bail!("{}: there is no bus \"{name}\"{servo} for something to happen to", path.display());
+                }
+                (None, None) => {}
+            }
         }
     }
-    let announce = |port: &str| -> std::io::Result<()> {
-        let mut out = std::io::stdout().lock();
-        if json {
-            let ids: Vec<u8> = config.servos.iter().map(|servo| servo.id).collect();
-            writeln!(out, "{}", serde_json::json!({ "port": port, "ids": ids }))?;
-        } else {
-            writeln!(out, "{port}")?;
-        }
-        out.flush()
-    };
-    match listen {
-        Listen::Pty => serve_pty(bus, announce)?,
-        Listen::Tcp(address) => {
-            let mut tcp = serve::Tcp::bind(&address)?;
-            announce(&tcp.address()?.to_string())?;
-            tcp.serve(bus)?;
-        }
+    announce(&open, args.json)?;
+    // The first port that fails ends this program, and the others with it.
+    let (sender, ended) = std::sync::mpsc::channel();
+    for (mut port, _, served) in open {
+        let sender = sender.clone();
+        thread::spawn(move || sender.send(port.serve(served)));
     }
+    ended.recv().context("no port is served")??;
     Ok(ExitCode::SUCCESS)
 }
 
-#[cfg(unix)]
-fn serve_pty(bus: Bus, announce: impl Fn(&str) -> std::io::Result<()>) -> anyhow::Result<()> {
-    let mut pty = serve::Pty::open()?;
-    announce(&pty.path().display().to_string())?;
-    pty.serve(bus)
+fn announce(open: &[(Port, config::Served, serve::Served)], json: bool) -> anyhow::Result<()> {
+    let mut ports = Vec::new();
+    for (port, bus, _) in open {
+        let ids: Vec<u8> = bus.servos.iter().map(|(servo, _)| servo.id).collect();
+        ports.push((bus, port.name()?, ids));
+    }
+    let port = match ports.as_slice() {
+        [(_, port, _)] => port.clone(),
+        several => {
+            several.iter().map(|(bus, port, _)| format!("{}={port}", bus.name)).collect::<Vec<_>>().join(",")
+        }
+    };
+    let mut out = std::io::stdout().lock();
+    if json {
+        let ids: Vec<u8> = ports.iter().flat_map(|(.., ids)| ids).copied().collect();
+        let bus = |(bus, port, ids): &(&config::Served, String, Vec<u8>)| serde_json::json!({ "name": bus.name, "kind": ports::name(bus.kind), "port": port, "ids": ids });
+        let buses: Vec<_> = ports.iter().map(bus).collect();
+        writeln!(out, "{}", serde_json::json!({ "port": port, "ids": ids, "buses": buses }))?;
+    } else {
+        writeln!(out, "{port}")?;
+    }
+    Ok(out.flush()?)
 }
 
-#[cfg(not(unix))]
-fn serve_pty(_: Bus, _: impl Fn(&str) -> std::io::Result<()>) -> anyhow::Result<()> {
-    anyhow::bail!("this system has no pseudo terminals; use --listen tcp:127.0.0.1:0")
+/// What all buses write to.
+type Log = Arc<Mutex<File>>;
+
+fn open_log(path: &Path) -> anyhow::Result<Log> {
+    let cannot = || format!("cannot write {}", path.display());
+    let mut file = File::create(path).with_context(cannot)?;
+    writeln!(file, "time_s,bus,servo,goal_position").with_context(cannot)?;
+    Ok(Arc::new(Mutex::new(file)))
+}
+
+/// Writes goals to the log. Nothing is kept back, since this program ends by being stopped.
+fn tap(log: Option<Log>, bus: &str) -> Box<dyn FnMut(Event) + Send> {
+    let Some(log) = log else { return Box::new(|_| {}) };
+    let bus = bus.to_owned();
+    let mut failed = false;
+    Box::new(move |event| {
+        let Event::Goal { time_us, id, position } = event else { return };
+        let Ok(mut file) = log.lock() else { return };
+        let line = format!("{},{bus},{id},{position}\n", host_sim::play::seconds(time_us));
+        if let (Err(error), false) = (file.write_all(line.as_bytes()), failed) {
+            eprintln!("bunraku: cannot write the log: {error}");
+            failed = true;
+        }
+    })
 }

@@ -2,11 +2,12 @@
 
 use super::{Recording, Taken, seconds};
 use crate::puppet::Map;
+use crate::servos::pins::Pins;
 use crate::servos::{Bus, BusConfig, ConfigError, Deed, Event, ServoConfig};
 use anyhow::{Result, bail};
 use firmware::dynamixel::table::GOAL_POSITION;
 use firmware::dynamixel::{Framer, Instruction, Packet};
-use firmware::map::BusKind;
+use firmware::map::{BusKind, Joint};
 
 /// Longest packet of a player with 32 servos.
 const LONGEST: usize = 640;
@@ -26,19 +27,50 @@ pub(crate) struct Recorder<'m> {
     disturbed: bool,
     /// Whether the last packet was a read of one servo that nobody answered.
     unanswered: bool,
+    /// Goals that servos on the line took.
+    taken: usize,
+    /// Servos on the line.
+    on_line: usize,
+    /// Servos on pins: their kinds and ids.
+    on_pins: Vec<(BusKind, u8)>,
+    /// Ticks after which pins were looked at last.
+    looked: u32,
 }
 
 impl<'m> Recorder<'m> {
     /// A servo for every joint, at the joint's zero.
+    ///
+    /// # Errors
+    /// A sentence for a puppet that has other servos than Dynamixel X on one bus.
     pub(crate) fn new(map: &'m Map) -> Result<Self> {
-        if map.buses().iter().any(|bus| bus.kind != BusKind::Dynamixel) || map.buses().len() != 1 {
+        let recorder = Self::with_pins(map)?;
+        if !recorder.on_pins.is_empty() || map.buses().len() != 1 {
             bail!("the virtual servos are Dynamixel X on one bus, and this puppet has others");
         }
-        let servos = map
-            .joints()
-            .iter()
+        Ok(recorder)
+    }
+
+    /// As [`new`](Self::new), and hobby servos on a board's pins.
+    ///
+    /// # Errors
+    /// A sentence for a puppet that has others.
+    pub(crate) fn with_pins(map: &'m Map) -> Result<Self> {
+        let kind = |joint: &Joint| map.buses().get(usize::from(joint.bus)).map(|bus| bus.kind);
+        for (index, bus) in map.buses().iter().enumerate() {
+            let here = matches!(bus.kind, BusKind::Dynamixel | BusKind::Pwm | BusKind::Pca9685);
+            if !here || map.buses().iter().take(index).any(|other| other.kind == bus.kind) {
+                bail!(
+                    "the virtual servos are Dynamixel X on one bus and hobby servos on one board's pins, and this puppet has \
+                     others: `bunraku servos` serves them on ports"
+                );
+            }
+        }
+        let joints = || map.joints().iter();
+        let servos = joints()
+            .filter(|joint| kind(joint) == Some(BusKind::Dynamixel))
             .map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
         let config = BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) };
+        let on_pins = joints().filter_map(|joint| Some((kind(joint)?, joint.id)));
         Ok(Self {
             map,
             servos: Bus::new(&config)?,
@@ -48,7 +80,28 @@ impl<'m> Recorder<'m> {
             fault: None,
             disturbed: false,
             unanswered: false,
+            taken: 0,
+            on_line: config.servos.len(),
+            on_pins: on_pins.filter(|(kind, _)| *kind != BusKind::Dynamixel).collect(),
+            looked: 0,
         })
+    }
+
+    /// Takes down what servos on pins are told at the end of a tick. A puppet with no others has its first tick where one of them
+    /// is told something.
+    pub(crate) fn end_tick(&mut self, pins: &Pins) {
+        let Self { map, recording, on_pins, looked, on_line, .. } = self;
+        let pulses = on_pins.iter().filter_map(|&(kind, id)| Some((id, pins.pulse_us(kind, id)?)));
+        let pulses: Vec<(u8, i32)> = pulses.collect();
+        if *on_line == 0 && (recording.ticks > 0 || !pulses.is_empty()) {
+            recording.ticks += 1;
+        }
+        if *looked == recording.ticks {
+            return;
+        }
+        *looked = recording.ticks;
+        let time_us = map.tick_micros(recording.ticks - 1);
+        recording.goals.extend(pulses.into_iter().map(|(id, position)| Taken { time_us, id, position }));
     }
 
     /// Has something happen to the servos at a tick; what they refuse and miss is no failure of the recording then.
@@ -115,10 +168,13 @@ impl<'m> Recorder<'m> {
 
     /// Gives the servos the packet.
     fn pass_on(&mut self) -> Vec<u8> {
-        let Self { map, servos, packet, recording, fault, disturbed, .. } = self;
+        let Self { map, servos, packet, recording, fault, disturbed, taken, .. } = self;
         let time_us = map.tick_micros(recording.ticks);
         let mut tap = |event| match event {
-            Event::Goal { id, position, .. } => recording.goals.push(Taken { time_us, id, position }),
+            Event::Goal { id, position, .. } => {
+                *taken += 1;
+                recording.goals.push(Taken { time_us, id, position });
+            }
             Event::Refused { .. } if *disturbed => recording.refused += 1,
             Event::Refused { id, error, .. } => {
                 fault.get_or_insert_with(|| {
@@ -139,8 +195,8 @@ impl<'m> Recorder<'m> {
         if !self.packet.is_empty() {
             bail!("the last packet on the servo bus was cut after {} bytes", self.packet.len());
         }
-        let (ticks, goals) = (self.recording.ticks, self.recording.goals.len());
-        let expected = ticks as usize * self.map.joints().len();
+        let (ticks, goals) = (self.recording.ticks, self.taken);
+        let expected = ticks as usize * self.on_line;
         if !self.disturbed && goals != expected {
             bail!("the servos took {goals} goals in {ticks} ticks, expected {expected}");
         }

@@ -214,11 +214,14 @@ pub const fn name(kind: BusKind) -> &'static str {
     }
 }
 
-/// Which port each bus of a puppet is on: `PORT`, or `NAME=PORT,NAME=PORT` for several.
+/// Which port each of those buses of a puppet is on that are `wanted`: `PORT`, or `NAME=PORT,NAME=PORT` for several. Ports of others
+/// may be named.
 ///
 /// # Errors
 /// A sentence where a bus has no port, or a name no bus.
-pub fn paths(on: &str, buses: &[String]) -> Result<Vec<String>> {
+pub fn paths(on: &str, names: &[String], wanted: impl Fn(usize) -> bool) -> Result<Vec<String>> {
+    let chosen = names.iter().enumerate().filter(|(index, _)| wanted(*index)).map(|(_, name)| name.clone());
+    let buses: &[String] = &chosen.collect::<Vec<_>>();
     if let ([_], false) = (buses, on.contains('=')) {
         return Ok(vec![on.to_owned()]);
     }
@@ -230,6 +233,7 @@ pub fn paths(on: &str, buses: &[String]) -> Result<Vec<String>> {
         };
         match buses.iter().position(|bus| bus == name) {
             Some(index) => paths[index] = Some(path.to_owned()),
+            None if names.iter().any(|bus| bus == name) => {}
             None => bail!("the puppet has no bus \"{name}\", expected --on {}", expected()),
         }
     }
@@ -265,13 +269,16 @@ mod tests {
     #[test]
     fn ports_are_found_by_the_names_of_buses() {
         let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
-        let found = |on: &str, buses: &[&str]| paths(on, &names(buses)).map_err(|error| error.to_string());
+        let found =
+            |on: &str, buses: &[&str]| paths(on, &names(buses), |_| true).map_err(|error| error.to_string());
         assert_eq!(found("/dev/ttyUSB0", &["bus"]), Ok(names(&["/dev/ttyUSB0"])));
         assert_eq!(found("face=b,arm=a", &["arm", "face"]), Ok(names(&["a", "b"])));
         let error = found("a", &["arm", "face"]).unwrap_err();
         assert_eq!(error, "the puppet has 2 buses, expected --on arm=PORT,face=PORT");
         assert_eq!(found("arm=a", &["arm", "face"]).unwrap_err(), "--on says no port for the bus \"face\"");
         assert!(found("leg=a", &["arm", "face"]).unwrap_err().contains("no bus \"leg\""));
+        let only = paths("face=b,arm=a", &names(&["arm", "face"]), |index| index == 1).unwrap();
+        assert_eq!(only, ["b"]);
     }
 
     #[test]

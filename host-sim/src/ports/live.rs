@@ -1,4 +1,4 @@
-//! Plays a clip on real ports, in real time.
+//! Plays a clip or follows live frames on real ports, in real time.
 
 use super::serial::{run, until};
 use crate::play::{Recording, Taken};
@@ -7,6 +7,7 @@ use anyhow::{Result, bail};
 use firmware::bus::{BusError, Goal, Reading, ServoBus};
 use firmware::drive::{Surroundings, drive};
 use firmware::fault::Feedback;
+use firmware::follow::{Counters, Follow, goal_map};
 use firmware::library::Single;
 use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
@@ -14,6 +15,7 @@ use firmware::stage::Library;
 use firmware::voice::{Frames, Voice};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 /// What playing on a port came to.
@@ -46,7 +48,41 @@ pub fn play(
     say: &mut dyn FnMut(&str),
 ) -> Result<Played> {
     let frames = Voice::new(frames, map, false, 0).map(Voice::into_frames).map_err(|(error, _)| error)?;
-    let library = Single::new(frames, Some(rate));
+    perform(Single::new(frames, Some(rate)), map, bus, asked, say, &mut || None)
+}
+
+/// Follows live frames in goal units that come as bytes, from finding the servos until somebody asks for an end or the one who sends
+/// falls silent for `lost_millis` (0: may be silent for ever), which is a fault; otherwise as [`play`].
+///
+/// # Errors
+/// As [`play`].
+pub fn follow(
+    input: &Receiver<Vec<u8>>,
+    lost_millis: u16,
+    map: &Map,
+    bus: impl ServoBus,
+    asked: &AtomicUsize,
+    say: &mut dyn FnMut(&str),
+) -> Result<(Played, Counters)> {
+    let map = goal_map(map)?;
+    let follow = Follow::new(&map, lost_millis);
+    let mut tick = || {
+        input.try_iter().for_each(|bytes| follow.feed(&bytes));
+        follow.tick().then_some(Command::LinkLost)
+    };
+    let played = perform(Single::new(follow.frames(), None), &map, bus, asked, say, &mut tick)?;
+    Ok((played, follow.counters()))
+}
+
+/// Performs clip 0 of a library. `each_tick` may command something.
+fn perform<L: Library>(
+    library: L,
+    map: &Map,
+    bus: impl ServoBus,
+    asked: &AtomicUsize,
+    say: &mut dyn FnMut(&str),
+    each_tick: &mut dyn FnMut() -> Option<Command>,
+) -> Result<Played> {
     let show = Show { playlist: &[0], ..Show::default() };
     let mut machine = Machine::new(map, library, show, Start::Power);
     let acted = Cell::new(Duration::ZERO);
@@ -59,8 +95,18 @@ pub fn play(
         taken: Vec::new(),
     };
     let start = Instant::now();
-    let mut surroundings =
-        RealTime { map, start, acted: &acted, asked, told: 0, say, state: None, ticks: 0, late: 0 };
+    let mut surroundings = RealTime {
+        map,
+        start,
+        acted: &acted,
+        asked,
+        told: 0,
+        say,
+        each_tick,
+        state: None,
+        ticks: 0,
+        late: 0,
+    };
     let ids: Vec<u8> = map.joints().iter().map(|joint| joint.id).collect();
     run(drive(&mut machine, &mut bus, &mut surroundings));
     // Servos hold their last goal; their watchdogs would turn the next player's goals down.
@@ -167,6 +213,7 @@ struct RealTime<'a> {
     /// How often of that the machine was told.
     told: usize,
     say: &'a mut dyn FnMut(&str),
+    each_tick: &'a mut dyn FnMut() -> Option<Command>,
     state: Option<State>,
     ticks: u32,
     late: u32,
@@ -207,6 +254,10 @@ impl<L: Library> Surroundings<L, MAX_SERVOS> for RealTime<'_> {
             self.tell("asked to end: stopping, then home (once more, and it is left where it is)");
             // Going home is refused to nobody.
             let _ = machine.command(Command::Home);
+        }
+        if let Some(command) = (self.each_tick)() {
+            // A lost link is refused by nobody.
+            let _ = machine.command(command);
         }
         !machine.at_rest()
     }

@@ -5,5 +5,5 @@ mod live;
 mod serial;
 
 pub use bus::{Buses, Identity, RETURN_DELAY_US, SLACK_US, SerialBus, name, open, paths};
-pub use live::{Played, play};
+pub use live::{Played, follow, play};
 pub use serial::run;

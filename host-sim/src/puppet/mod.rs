@@ -38,7 +38,7 @@
 //! [[bus]]
 //! name = "face"
 //! kind = "pca9685"          # dynamixel, dynamixel1, sts, scs, pwm, pca9685, blender
-//! baud = 50                 # bits per second; of pwm and pca9685 the pulses per second
+//! baud = 50                 # bits per second; of pwm and pca9685 the pulses per second, and ids are numbers of outputs from 0
 //! ```
 
 use crate::files;
@@ -46,6 +46,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use firmware::map::{
     BusKind, BusSpec, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy, Settings, bytes_len,
 };
+use firmware::pca9685::CHANNELS;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -53,7 +54,7 @@ use toml::Spanned;
 pub mod budget;
 pub mod calibrate;
 mod channels;
-mod file;
+pub(crate) mod file;
 mod joint;
 pub mod models;
 pub mod rehearse;
@@ -186,6 +187,11 @@ impl Puppet {
             mistakes.note(self.model(entry));
             let kind = bus.and_then(|bus| buses.as_ref()?.get(usize::from(bus)).map(|bus| bus.kind));
             let kind = kind.unwrap_or(BusKind::Dynamixel);
+            if kind == BusKind::Pca9685 && usize::from(*entry.id.get_ref()) >= CHANNELS {
+                let why =
+                    format!("a PCA9685 has the channels 0 to {}, which its servos' ids are", CHANNELS - 1);
+                mistakes.add(self.wrong(&entry.id, &why));
+            }
             joints.extend(
                 self.joint(entry, bus.unwrap_or(0), kind, &channels, &mut mistakes)
                     .map(|joint| (joint.bus, joint)),

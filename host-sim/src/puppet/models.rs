@@ -7,7 +7,7 @@ use super::file::Model;
 use firmware::map::BusKind;
 
 /// Models whose goal units are those of their kind of bus in puppet.toml.
-const MODELS: [(&str, u16); 43] = [
+const MODELS: [(&str, u16); 44] = [
     ("AX-12A", 12),
     ("AX-12W", 300),
     ("AX-18A", 18),
@@ -51,6 +51,7 @@ const MODELS: [(&str, u16); 43] = [
     ("XW540-T140", 1180),
     ("XW540-T260", 1170),
     ("STS3215", 777),
+    ("SCS0009", 1284),
 ];
 
 /// The name of a model, or its number where it has none here.
@@ -60,7 +61,7 @@ pub fn name(model: u16) -> String {
 }
 
 /// The number of a model; for a name that is not known, a sentence with near ones.
-pub(super) fn number(model: &Model) -> Result<u16, String> {
+pub(crate) fn number(model: &Model) -> Result<u16, String> {
     let wanted = match model {
         Model::Number(number) => return Ok(*number),
         Model::Name(name) => name,

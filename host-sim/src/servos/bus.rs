@@ -1,10 +1,9 @@
 //! Servos on one bus: bytes in, bytes out, and time.
 
+use super::crowd::{Crowd, Deed, check};
 use super::instructions::{self, Line};
 use super::servo::{Servo, ServoConfig};
-use firmware::dynamixel::{ErrorNumber, FrameError, Framer, MAX_ID};
-use serde::Deserialize;
-use std::collections::VecDeque;
+use firmware::dynamixel::{ErrorNumber, FrameError, Framer};
 use thiserror::Error;
 
 /// Longest packet that the servos take; clients send at most 1 KiB.
@@ -40,8 +39,8 @@ pub enum ConfigError {
     /// A servo that something should happen to, and that is not there.
     #[error("there is no servo {0} for something to happen to")]
     Absent(u8),
-    /// Limits that leave no position, or none within one turn.
-    #[error("servo {id} has the position limits {min} to {max}, expected a range within 0 to 4095")]
+    /// Limits that leave no position, or none that the servo has.
+    #[error("servo {id} has the position limits {min} to {max}, expected a range within 0 to {most}")]
     Limits {
         /// Id of the servo.
         id: u8,
@@ -49,6 +48,8 @@ pub enum ConfigError {
         min: i32,
         /// Its upper limit.
         max: i32,
+        /// The highest position that such a servo has.
+        most: i32,
     },
 }
 
@@ -61,7 +62,7 @@ pub enum Event {
         time_us: u64,
         /// Id of the servo.
         id: u8,
-        /// Goal position, 4096 a turn.
+        /// Goal position, in its goal units: of a Dynamixel X 4096 a turn.
         position: i32,
     },
     /// A servo refused an instruction; after a sync write nobody else learns of it.
@@ -75,49 +76,24 @@ pub enum Event {
     },
 }
 
-/// What happens to servos from outside, apart from what is said on their bus.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(tag = "what", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Deed {
-    /// Its supply breaks in: it forgets its RAM, lets go, and is gone for [`START_US`].
-    Restart {
-        /// Id of the servo.
-        servo: u8,
-    },
-    /// It neither hears nor says anything.
-    Silence {
-        /// Id of the servo.
-        servo: u8,
-        /// For how long.
-        seconds: f64,
-    },
-    /// Nothing goes over the bus.
-    Cut {
-        /// For how long.
-        seconds: f64,
-    },
-    /// Somebody turns its shaft, which a servo whose torque is on does not let happen.
-    Turn {
-        /// Id of the servo.
-        servo: u8,
-        /// To this position, 4096 a turn.
-        position: i32,
-    },
+/// One end of a wire with virtual servos on it, whatever they speak.
+pub trait Wire: Send {
+    /// Takes bytes that arrive at `now_us` (microseconds since power on, never going back) and returns what is answered.
+    /// `tap` is told of every goal position and every refusal, in order.
+    fn receive(&mut self, bytes: &[u8], now_us: u64, tap: &mut dyn FnMut(Event)) -> Vec<u8>;
+
+    /// Has something happen at `at_us`, or as soon as time passes where that is over.
+    ///
+    /// # Errors
+    /// [`ConfigError::Absent`] for a servo that is not on this wire.
+    fn schedule(&mut self, at_us: u64, deed: Deed) -> Result<(), ConfigError>;
 }
 
-/// Microseconds that a servo takes to start.
-pub const START_US: u64 = 300_000;
-
-/// Virtual servos on a bus. Baud rate and return delay time can be set but have no effect: a simulated line has no bit
+/// Virtual Dynamixel X on a bus. Baud rate and return delay time can be set but have no effect: a simulated line has no bit
 /// rate, and answers are there at once.
 pub struct Bus {
     framer: Framer<LONGEST_PACKET>,
-    servos: Vec<Servo>,
-    /// Servos that are not there, and until when.
-    away: Vec<(u64, Servo)>,
-    cut_until_us: u64,
-    /// What is to happen, by its time.
-    schedule: VecDeque<(u64, Deed)>,
+    crowd: Crowd<Servo>,
     byte_gap_us: u64,
     heard_us: u64,
 }
@@ -128,22 +104,10 @@ impl Bus {
     /// # Errors
     /// [`ConfigError`] for an id out of range or used twice and for impossible limits.
     pub fn new(config: &BusConfig) -> Result<Self, ConfigError> {
-        let mut used = [false; MAX_ID as usize + 1];
-        for &ServoConfig { id, min_position: min, max_position: max, .. } in &config.servos {
-            let used = used.get_mut(usize::from(id)).ok_or(ConfigError::Id(id))?;
-            if std::mem::replace(used, true) {
-                return Err(ConfigError::Duplicate(id));
-            }
-            if min < 0 || max > 4095 || min > max {
-                return Err(ConfigError::Limits { id, min, max });
-            }
-        }
+        check(&config.servos, 4095)?;
         Ok(Self {
             framer: Framer::new(),
-            servos: config.servos.iter().copied().map(Servo::new).collect(),
-            away: Vec::new(),
-            cut_until_us: 0,
-            schedule: VecDeque::new(),
+            crowd: Crowd::new(config.servos.iter().copied().map(Servo::new).collect()),
             byte_gap_us: config.byte_gap_us,
             heard_us: 0,
         })
@@ -154,21 +118,13 @@ impl Bus {
     /// # Errors
     /// [`ConfigError::Absent`] for a servo that is not on this bus.
     pub fn schedule(&mut self, at_us: u64, deed: Deed) -> Result<(), ConfigError> {
-        if let Deed::Restart { servo } | Deed::Silence { servo, .. } | Deed::Turn { servo, .. } = deed
-            && self.position(servo).is_none()
-        {
-            return Err(ConfigError::Absent(servo));
-        }
-        let place = self.schedule.partition_point(|(at, _)| *at <= at_us);
-        self.schedule.insert(place, (at_us, deed));
-        Ok(())
+        self.crowd.schedule(at_us, deed)
     }
 
     /// Where a servo's shaft is, in its goal units, also while it says nothing.
     #[must_use]
     pub fn position(&self, id: u8) -> Option<i32> {
-        let all = self.servos.iter().chain(self.away.iter().map(|(_, servo)| servo));
-        all.into_iter().find(|servo| servo.id() == id).map(Servo::position)
+        self.crowd.position(id)
     }
 
     /// Takes bytes that arrive at `now_us` (microseconds since power on, never going back) and returns what the servos
@@ -176,12 +132,9 @@ impl Bus {
     ///
     /// A packet with a wrong checksum is answered with the CRC error if it names a servo's own id.
     pub fn receive(&mut self, bytes: &[u8], now_us: u64, tap: &mut dyn FnMut(Event)) -> Vec<u8> {
-        self.advance_to(now_us);
         let mut out = Vec::new();
-        if now_us < self.cut_until_us {
-            return out;
-        }
-        let Self { framer, servos, .. } = self;
+        let Self { framer, crowd, .. } = self;
+        let Some(servos) = crowd.reached_at(now_us) else { return out };
         let mut line = Line { now_us, tap, out: &mut out };
         if now_us.saturating_sub(self.heard_us) > self.byte_gap_us {
             while let Some(frame) = framer.flush() {
@@ -198,53 +151,18 @@ impl Bus {
 
     /// Lets time pass: servos move, watchdogs run. Never needed before [`receive`](Self::receive), which does it.
     pub fn advance_to(&mut self, now_us: u64) {
-        while let Some((at_us, deed)) = self.schedule.pop_front_if(|(at, _)| *at <= now_us) {
-            self.pass(at_us);
-            self.happen(deed, at_us);
-        }
-        self.pass(now_us);
-    }
-
-    fn pass(&mut self, now_us: u64) {
-        let away = self.away.iter_mut().map(|(_, servo)| servo);
-        self.servos.iter_mut().chain(away).for_each(|servo| servo.advance_to(now_us));
-        let back = self.away.extract_if(.., |(until, _)| *until <= now_us);
-        self.servos.extend(back.map(|(_, servo)| servo));
-    }
-
-    fn happen(&mut self, deed: Deed, now_us: u64) {
-        let away = self.away.iter_mut().map(|(_, servo)| servo);
-        let mut servos = self.servos.iter_mut().chain(away);
-        let mut with = |id: u8| servos.find(|servo| servo.id() == id);
-        match deed {
-            Deed::Restart { servo } => {
-                with(servo).into_iter().for_each(Servo::reboot);
-                self.leave(servo, now_us + START_US);
-            }
-            Deed::Silence { servo, seconds } => self.leave(servo, now_us + micros(seconds)),
-            Deed::Cut { seconds } => self.cut_until_us = now_us + micros(seconds),
-            Deed::Turn { servo, position } => {
-                with(servo).into_iter().for_each(|servo| servo.turn(position));
-            }
-        }
-    }
-
-    /// Takes a servo off the bus until then.
-    fn leave(&mut self, id: u8, until_us: u64) {
-        match self.servos.iter().position(|servo| servo.id() == id) {
-            Some(index) => self.away.push((until_us, self.servos.remove(index))),
-            None => self
-                .away
-                .iter_mut()
-                .filter(|(_, servo)| servo.id() == id)
-                .for_each(|(until, _)| *until = until_us.max(*until)),
-        }
+        self.crowd.advance_to(now_us);
     }
 }
 
-/// Seconds in microseconds; negative ones are none.
-fn micros(seconds: f64) -> u64 {
-    (seconds * 1e6).round() as u64
+impl Wire for Bus {
+    fn receive(&mut self, bytes: &[u8], now_us: u64, tap: &mut dyn FnMut(Event)) -> Vec<u8> {
+        self.receive(bytes, now_us, tap)
+    }
+
+    fn schedule(&mut self, at_us: u64, deed: Deed) -> Result<(), ConfigError> {
+        self.schedule(at_us, deed)
+    }
 }
 
 fn take(

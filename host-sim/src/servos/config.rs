@@ -1,7 +1,10 @@
 //! The servos that a `puppet.toml` names.
 
-use super::{BusConfig, Deed, ServoConfig};
-use anyhow::{Context, ensure};
+use super::{BlenderSink, Bus, BusConfig, ClassicBus, ConfigError, Deed, ServoConfig, Wire};
+use crate::puppet::file::Model;
+use crate::puppet::models;
+use anyhow::{Context, anyhow, ensure};
+use firmware::map::BusKind;
 use serde::Deserialize;
 use std::path::Path;
 use toml::Table;
@@ -10,21 +13,60 @@ use toml::Table;
 #[derive(Deserialize)]
 struct Puppet {
     #[serde(default)]
+    bus: Vec<Named>,
+    #[serde(default)]
     joint: Vec<Joint>,
+}
+
+#[derive(Deserialize)]
+struct Named {
+    name: String,
+    kind: BusKind,
 }
 
 #[derive(Deserialize)]
 struct Joint {
     id: u8,
+    bus: Option<String>,
     goal_range: Option<[i32; 2]>,
+    model: Option<Model>,
 }
 
-/// Reads the servos of a puppet: an `id` for each `[[joint]]`, and as position limits its `goal_range` (0 to 4095)
-/// where given.
+/// A bus of a puppet and the servos on it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Served {
+    /// Its name; of a puppet's only bus that has none, "bus".
+    pub name: String,
+    /// What it speaks.
+    pub kind: BusKind,
+    /// Its servos in the order of the file, each with its model number where the puppet says one.
+    pub servos: Vec<(ServoConfig, Option<u16>)>,
+}
+
+impl Served {
+    /// The servos' end of the wire; none where they hang on a board's pins. A Dynamixel X is an XM430-W350, whatever model the
+    /// puppet says.
+    ///
+    /// # Errors
+    /// As [`Bus::new`].
+    pub fn wire(&self, byte_gap_us: u64) -> Result<Option<Box<dyn Wire>>, ConfigError> {
+        let servos = || self.servos.iter().map(|(servo, _)| *servo);
+        Ok(match self.kind {
+            BusKind::Dynamixel => {
+                Some(Box::new(Bus::new(&BusConfig { servos: servos().collect(), byte_gap_us })?))
+            }
+            BusKind::Blender => Some(Box::new(BlenderSink::new(servos().map(|servo| servo.id).collect()))),
+            kind => ClassicBus::new(kind, &self.servos, byte_gap_us)?.map(|bus| Box::new(bus) as _),
+        })
+    }
+}
+
+/// Reads the buses of a puppet and their servos: an `id` for each `[[joint]]`, and as position limits its `goal_range`
+/// where given. A puppet that names no `[[bus]]` has one of Dynamixel X.
 ///
 /// # Errors
 /// A sentence with the file and, for what is not TOML or no number, the line.
-pub fn read(path: &Path) -> anyhow::Result<BusConfig> {
+pub fn read(path: &Path) -> anyhow::Result<Vec<Served>> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     parse(&text).with_context(|| format!("{} does not describe servos", path.display()))
 }
@@ -36,11 +78,12 @@ struct Happenings {
 }
 
 /// Reads what is to happen to servos, with the time of each in microseconds: tables `[[event]]` with `at` (seconds) and
-/// `what`, one of `restart` (`servo`), `silence` (`servo`, `seconds`), `cut` (`seconds`) and `turn` (`servo`, `position`).
+/// `what`, one of `restart` (`servo`), `silence` (`servo`, `seconds`), `cut` (`seconds`) and `turn` (`servo`, `position`);
+/// with the name of the `bus`, where an event says it.
 ///
 /// # Errors
 /// A sentence with the file and the event.
-pub fn read_events(path: &Path) -> anyhow::Result<Vec<(u64, Deed)>> {
+pub fn read_events(path: &Path) -> anyhow::Result<Vec<(u64, Option<String>, Deed)>> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     let events =
         toml::from_str(&text).with_context(|| format!("{} does not describe events", path.display()));
@@ -48,7 +91,8 @@ pub fn read_events(path: &Path) -> anyhow::Result<Vec<(u64, Deed)>> {
     let timed = |(index, mut table): (usize, Table)| {
         let context = || format!("{}: event {}", path.display(), index + 1);
         let at = at(&mut table).with_context(context)?;
-        Ok(((at * 1e6) as u64, deed(table).with_context(context)?))
+        let bus = table.remove("bus").map(|bus| bus.try_into()).transpose().with_context(context)?;
+        Ok(((at * 1e6) as u64, bus, deed(table).with_context(context)?))
     };
     event.into_iter().enumerate().map(timed).collect()
 }
@@ -76,16 +120,31 @@ pub(crate) fn deed(event: Table) -> anyhow::Result<Deed> {
     Ok(deed)
 }
 
-fn parse(text: &str) -> anyhow::Result<BusConfig> {
+fn parse(text: &str) -> anyhow::Result<Vec<Served>> {
     let puppet: Puppet = toml::from_str(text)?;
     ensure!(!puppet.joint.is_empty(), "found no table [[joint]], expected one with an id for each servo");
-    let servos = puppet.joint.iter().map(|joint| {
-        let factory = ServoConfig::new(joint.id);
-        let [one, other] = joint.goal_range.unwrap_or([factory.min_position, factory.max_position]);
+    let served = |bus: Named| Served { name: bus.name, kind: bus.kind, servos: Vec::new() };
+    let mut buses: Vec<Served> = puppet.bus.into_iter().map(served).collect();
+    if buses.is_empty() {
+        buses.push(served(Named { name: "bus".to_owned(), kind: BusKind::Dynamixel }));
+    }
+    for joint in puppet.joint {
+        let id = joint.id;
+        let bus = match (&joint.bus, buses.as_mut_slice()) {
+            (None, [only]) => Some(only),
+            (None, _) => None,
+            (Some(name), buses) => buses.iter_mut().find(|bus| bus.name == *name),
+        };
+        let bus = bus.with_context(|| format!("the joint with the id {id} is on no bus that is there"))?;
+        let model =
+            joint.model.map(|model| models::number(&model)).transpose().map_err(|why| anyhow!(why))?;
+        let most = ClassicBus::most(bus.kind, model).unwrap_or(4095);
+        let [one, other] = joint.goal_range.unwrap_or([0, most]);
         let (min_position, max_position) = (one.min(other), one.max(other));
-        ServoConfig { min_position, max_position, ..factory }
-    });
-    Ok(BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) })
+        let position = (most + 1) / 2;
+        bus.servos.push((ServoConfig { id, position, min_position, max_position }, model));
+    }
+    Ok(buses)
 }
 
 #[cfg(test)]
@@ -95,11 +154,24 @@ mod tests {
     #[test]
     fn takes_ids_and_limits_and_leaves_the_rest_to_others() {
         let text = "name = 'marionette'\n[[joint]]\nid = 7\nscale = 1.5\n[[joint]]\nid = 3\ngoal_range = [1000, 4095]\n";
-        let config = parse(text).unwrap();
-        assert_eq!(
-            config.servos,
-            [ServoConfig::new(7), ServoConfig { min_position: 1000, ..ServoConfig::new(3) }]
-        );
+        let served = parse(text).unwrap();
+        let servos =
+            [(ServoConfig::new(7), None), (ServoConfig { min_position: 1000, ..ServoConfig::new(3) }, None)];
+        let bus = Served { name: "bus".to_owned(), kind: BusKind::Dynamixel, servos: servos.to_vec() };
+        assert_eq!(served, [bus]);
+    }
+
+    #[test]
+    fn each_joint_is_on_its_bus() {
+        let text = "[[bus]]\nname = 'arm'\nkind = 'dynamixel1'\n[[bus]]\nname = 'face'\nkind = 'pwm'\n\
+            [[joint]]\nid = 1\nbus = 'arm'\nmodel = 'MX-28'\n[[joint]]\nid = 1\nbus = 'face'\n[[joint]]\nid = 2\nbus = 'arm'\n";
+        let served = parse(text).unwrap();
+        let most = |bus: &Served| bus.servos.iter().map(|(servo, _)| servo.max_position).collect::<Vec<_>>();
+        assert_eq!(served.iter().map(most).collect::<Vec<_>>(), [vec![4095, 1023], vec![4095]]);
+        assert_eq!(served[0].servos[0].1, Some(29));
+        assert!(served[0].wire(0).unwrap().is_some() && served[1].wire(0).unwrap().is_none());
+        let error = parse(&text.replace("bus = 'face'", "bus = 'leg'")).unwrap_err();
+        assert!(error.to_string().contains("id 1 is on no bus"), "{error}");
     }
 
     #[test]
@@ -111,11 +183,14 @@ mod tests {
             read_events(&path).map_err(|error| format!("{error:#}"))
         };
         let events = read(
-            "[[event]]\nat = 1.5\nwhat = 'restart'\nservo = 3\n[[event]]\nat = 2\nwhat = 'cut'\nseconds = 0.1\n",
+            "[[event]]\nat = 1.5\nwhat = 'restart'\nservo = 3\nbus = 'arm'\n[[event]]\nat = 2\nwhat = 'cut'\nseconds = 0.1\n",
         );
         assert_eq!(
             events.unwrap(),
-            [(1_500_000, Deed::Restart { servo: 3 }), (2_000_000, Deed::Cut { seconds: 0.1 })]
+            [
+                (1_500_000, Some("arm".to_owned()), Deed::Restart { servo: 3 }),
+                (2_000_000, None, Deed::Cut { seconds: 0.1 })
+            ]
         );
         for (text, expected) in [
             ("[[event]]\nwhat = 'cut'\nseconds = 1\n", "event 1: expected `at`"),

@@ -3,7 +3,7 @@
 //! Clients time out within tens of milliseconds, so a thread blocks on reading and answers at once; the servos are
 //! simulated up to now whenever bytes arrive, which makes a clock of their own unnecessary.
 
-use super::Bus;
+use super::{Event, Wire};
 use anyhow::Context;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener};
@@ -13,11 +13,30 @@ use std::time::Instant;
 /// Patience of a served bus in microseconds: operating systems and networks may cut a packet in two.
 pub const BYTE_GAP_US: u64 = 20_000;
 
+/// Servos that are served.
+pub struct Served {
+    /// What they hang on.
+    pub wire: Box<dyn Wire>,
+    /// Since when they have power.
+    pub power_on: Instant,
+    /// Is told of every goal position and every refusal.
+    pub tap: Box<dyn FnMut(Event) + Send>,
+}
+
+impl Served {
+    /// Servos whose power comes on now, of whom nobody takes notes.
+    #[must_use]
+    pub fn new(wire: Box<dyn Wire>) -> Self {
+        Self { wire, power_on: Instant::now(), tap: Box::new(|_| {}) }
+    }
+}
+
 /// Answers on `line` until it ends.
 ///
 /// # Errors
 /// What reading or writing says.
-fn answer(bus: &mut Bus, power_on: Instant, line: &mut (impl Read + Write)) -> std::io::Result<()> {
+fn answer(served: &mut Served, line: &mut (impl Read + Write)) -> std::io::Result<()> {
+    let Served { wire, power_on, tap } = served;
     let mut bytes = [0; 4096];
     loop {
         let count = match line.read(&mut bytes) {
@@ -27,7 +46,7 @@ fn answer(bus: &mut Bus, power_on: Instant, line: &mut (impl Read + Write)) -> s
             Err(error) => return Err(error),
         };
         let now_us = u64::try_from(power_on.elapsed().as_micros()).unwrap_or(u64::MAX);
-        let reply = bus.receive(&bytes[..count], now_us, &mut |_| ());
+        let reply = wire.receive(&bytes[..count], now_us, tap);
         line.write_all(&reply)?;
     }
 }
@@ -83,8 +102,8 @@ impl Pty {
     ///
     /// # Errors
     /// A sentence when the pseudo terminal fails.
-    pub fn serve(&mut self, mut bus: Bus) -> anyhow::Result<()> {
-        answer(&mut bus, Instant::now(), &mut self.controller)
+    pub fn serve(&mut self, mut served: Served) -> anyhow::Result<()> {
+        answer(&mut served, &mut self.controller)
             .with_context(|| format!("the pseudo terminal {} failed", self.path.display()))
     }
 }
@@ -169,12 +188,11 @@ impl Tcp {
     ///
     /// # Errors
     /// A sentence when no client can be accepted; a client that fails only ends itself.
-    pub fn serve(&mut self, mut bus: Bus) -> anyhow::Result<()> {
-        let power_on = Instant::now();
+    pub fn serve(&mut self, mut served: Served) -> anyhow::Result<()> {
         loop {
             let (mut client, address) = self.0.accept().context("cannot accept a client")?;
-            let served = client.set_nodelay(true).and_then(|()| answer(&mut bus, power_on, &mut client));
-            if let Err(error) = served {
+            let ended = client.set_nodelay(true).and_then(|()| answer(&mut served, &mut client));
+            if let Err(error) = ended {
                 eprintln!("bunraku: the client {address} is gone: {error}");
             }
         }
@@ -184,15 +202,16 @@ impl Tcp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::servos::BusConfig;
+    use crate::servos::{Bus, BusConfig};
     use std::net::TcpStream;
     use std::time::Duration;
 
     const PING: [u8; 10] = [0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x03, 0x00, 0x01, 0x19, 0x4E];
     const PONG: usize = 14;
 
-    fn bus() -> Bus {
-        Bus::new(&BusConfig { byte_gap_us: BYTE_GAP_US, ..BusConfig::with_ids(&[1]) }).unwrap()
+    fn bus() -> Served {
+        let config = BusConfig { byte_gap_us: BYTE_GAP_US, ..BusConfig::with_ids(&[1]) };
+        Served::new(Box::new(Bus::new(&config).unwrap()))
     }
 
     fn ping(line: &mut (impl Read + Write)) {

@@ -1,5 +1,6 @@
 //! One servo: what reading, writing and time do to it.
 
+use super::crowd::Shaft;
 use super::memory::{Change, Memory};
 use super::model::{
     ACCELERATION_UNIT, INPUT_VOLTAGE, MOTOR_SPEED, MULTI_TURN_LIMIT, TEMPERATURE, VELOCITY_UNIT,
@@ -428,5 +429,27 @@ impl Servo {
         ] {
             self.memory.set(register, value);
         }
+    }
+}
+
+impl Shaft for Servo {
+    fn id(&self) -> u8 {
+        self.id()
+    }
+
+    fn position(&self) -> i32 {
+        self.position()
+    }
+
+    fn advance_to(&mut self, now_us: u64) {
+        self.advance_to(now_us);
+    }
+
+    fn reboot(&mut self) {
+        self.reboot();
+    }
+
+    fn turn(&mut self, position: i32) {
+        self.turn(position);
     }
 }

@@ -443,7 +443,10 @@ fn impossible_servos_are_refused() {
         Some(ConfigError::Duplicate(5).to_string())
     );
     let limits = ServoConfig { min_position: 9, max_position: 8, ..ServoConfig::new(1) };
-    assert_eq!(new(vec![limits]), Some(ConfigError::Limits { id: 1, min: 9, max: 8 }.to_string()));
+    assert_eq!(
+        new(vec![limits]),
+        Some(ConfigError::Limits { id: 1, min: 9, max: 8, most: 4095 }.to_string())
+    );
     assert_eq!(new(vec![ServoConfig::new(0)]), None);
 }
 

@@ -1,17 +1,19 @@
-//! Raspberry Pi Pico and Pico 2: the servo bus on UART 0, a host on UART 1, the trigger on a pin. What is wired where is in
-//! README.md.
+//! Raspberry Pi Pico and Pico 2: the servo bus on UART 0, a host on UART 1, hobby servos on a PCA9685 on I2C 0 and on eight PWM
+//! pins, the trigger on a pin. What is wired where is in README.md.
 #![no_std]
 #![no_main]
 
 mod clips;
 
-use board_support::{Busy, Host, IdleLine, Puppet, Wiring, buffers, host_buffers};
+use board_support::{Busy, Hobby, Host, IdleLine, Puppet, Wiring, buffers, host_buffers};
 use clips::{LAYOUT, flash};
 use embassy_executor::Spawner;
 use embassy_rp::bind_interrupts;
 use embassy_rp::clocks::clk_sys_freq;
 use embassy_rp::gpio::{Input, Level, Output, Pull};
-use embassy_rp::peripherals::{UART0, UART1};
+use embassy_rp::i2c::{self, I2c};
+use embassy_rp::peripherals::{I2C0, UART0, UART1};
+use embassy_rp::pwm::{self, Pwm, PwmOutput};
 use embassy_rp::uart::{BufferedInterruptHandler, BufferedUart, Config, Error};
 use embassy_rp::watchdog::Watchdog;
 use embassy_time::Duration;
@@ -19,14 +21,20 @@ use embedded_io_async::{ErrorType, Read, Write};
 use firmware::bus::port::Line;
 use firmware::device::Identity;
 use firmware::machine::Start;
+use firmware::map::BusKind;
+use firmware::pwm::{COUNTS_HZ, Timing};
 
 bind_interrupts!(struct Interrupts {
     UART0_IRQ => BufferedInterruptHandler<UART0>;
     UART1_IRQ => BufferedInterruptHandler<UART1>;
+    I2C0_IRQ => i2c::InterruptHandler<I2C0>;
 });
 
 /// Silence of the player after which the controller starts again.
 const WATCHDOG: Duration = Duration::from_millis(500);
+
+/// Bits per second on the way to the PCA9685.
+const I2C_HZ: u32 = 400_000;
 
 /// Bits per second of the host's line.
 const HOST_BAUD: u32 = 115_200;
@@ -53,6 +61,22 @@ async fn main(_spawner: Spawner) {
         flash_stalls: true,
     };
     let host = Host { line, store: Some((flash(chip.FLASH), LAYOUT)), identity };
+    let i2c = puppet.rate_of(BusKind::Pca9685).map(|_| {
+        let mut config = i2c::Config::default();
+        config.frequency = I2C_HZ;
+        I2c::new_async(chip.I2C0, chip.PIN_9, chip.PIN_8, Interrupts, config)
+    });
+    let pwm = puppet.rate_of(BusKind::Pwm).and_then(Timing::of).and_then(|timing| {
+        let config = counting(timing);
+        let slices = [
+            Pwm::new_output_ab(chip.PWM_SLICE5, chip.PIN_10, chip.PIN_11, config.clone()),
+            Pwm::new_output_ab(chip.PWM_SLICE6, chip.PIN_12, chip.PIN_13, config.clone()),
+            Pwm::new_output_ab(chip.PWM_SLICE7, chip.PIN_14, chip.PIN_15, config.clone()),
+            Pwm::new_output_ab(chip.PWM_SLICE0, chip.PIN_16, chip.PIN_17, config),
+        ];
+        Some((outputs(slices)?, timing))
+    });
+    let hobby = Hobby { i2c, pwm };
     watchdog.start(WATCHDOG);
     let wiring = Wiring {
         uart: IdleLine::new(Uart(uart), baud),
@@ -63,7 +87,22 @@ async fn main(_spawner: Spawner) {
         start,
         simulated: false,
     };
-    puppet.serve(wiring, host).await;
+    puppet.serve(wiring, host, hobby).await;
+}
+
+/// How a slice counts, with no pulse yet.
+fn counting(timing: Timing) -> pwm::Config {
+    let mut config = pwm::Config::default();
+    // 50 or 60, which fit.
+    config.divider = ((clk_sys_freq() / COUNTS_HZ) as u8).into();
+    config.top = timing.top;
+    config
+}
+
+/// Both pins of each slice, which has them.
+fn outputs(slices: [Pwm<'static>; 4]) -> Option<[PwmOutput<'static>; 8]> {
+    let [(a, b), (c, d), (e, f), (g, h)] = slices.map(Pwm::split);
+    Some([a?, b?, c?, d?, e?, f?, g?, h?])
 }
 
 /// embassy's UART, whose flush returns while its FIFO holds up to 32 bytes.

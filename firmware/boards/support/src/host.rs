@@ -1,12 +1,14 @@
 //! A show that a host can talk to: clips in flash and live streams besides the linked-in clip.
 
 use crate::clip;
+use crate::hobby::Hobby;
 use crate::show::{Puppet, SHOW, Stage, Wiring};
 use core::pin::pin;
 use decoder_core::{I16F16, Limits};
 use embassy_futures::poll_once;
 use embassy_time::{Delay, Duration, Instant};
 use embedded_hal::digital::{InputPin, OutputPin};
+use embedded_hal_async::i2c::I2c;
 use embedded_io_async::{Read, Write};
 use firmware::bus::port::Port;
 use firmware::clips::{Clips, Post, Worker, Workspace, decode};
@@ -19,6 +21,7 @@ use firmware::link::message::DATA_BYTES;
 use firmware::link::session::Session;
 use firmware::machine::Machine;
 use firmware::map::MAX_SERVOS;
+use firmware::pwm::SetDutyCycle;
 use firmware::store::{Layout, Mapped, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 
@@ -57,8 +60,14 @@ pub struct Host<H, F> {
 impl Puppet {
     /// As [`play`](Self::play), with a host on a line: for ever. Panics where the linked-in clip is damaged or the flash has no such
     /// layout; and when it is called again, since its memory is there once.
-    pub async fn serve<U, D, T, W, H, F>(&mut self, wiring: Wiring<U, D, T, W>, host: Host<H, F>)
-    where
+    pub async fn serve<U, D, T, W, H, F, I, P, const N: usize>(
+        &mut self,
+        wiring: Wiring<U, D, T, W>,
+        host: Host<H, F>,
+        hobby: Hobby<I, P, N>,
+    ) where
+        I: I2c,
+        P: SetDutyCycle,
         U: Read + Write,
         D: OutputPin,
         T: InputPin,
@@ -88,7 +97,8 @@ impl Puppet {
         let linked = [clip::CLIP];
         let clips = Clips::new(&linked, store, &live, workers);
         let mut machine = Machine::new(map, clips, SHOW, start);
-        let mut bus = DynamixelBus::<_, _, _>::new(Client::new(Port::new(uart, direction, Delay, line)));
+        let serial = DynamixelBus::<_, _, _>::new(Client::new(Port::new(uart, direction, Delay, line)));
+        let mut bus = hobby.with(map, serial);
         defmt::info!("{} bytes of motion on {} servos", clip::CLIP.len(), map.joints().len());
         let mut served = Served {
             stage: Stage::new(map, trigger, feed, simulated),

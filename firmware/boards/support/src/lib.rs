@@ -14,6 +14,8 @@ mod flash;
 #[cfg(feature = "rtt")]
 mod halt;
 #[cfg(feature = "link")]
+mod hobby;
+#[cfg(feature = "link")]
 mod host;
 mod idle_line;
 mod show;
@@ -24,6 +26,7 @@ pub use buffers::buffers;
 pub use buffers::host_buffers;
 #[cfg(feature = "link")]
 pub use flash::{InPlace, NoFlash};
+pub use hobby::Hobby;
 #[cfg(feature = "link")]
 pub use host::Host;
 pub use idle_line::{Busy, IdleLine};

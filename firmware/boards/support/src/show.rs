@@ -12,7 +12,7 @@ use firmware::dynamixel::client::Client;
 use firmware::fault::{Fault, Feedback};
 use firmware::library::Single;
 use firmware::machine::{After, Command, Machine, Show, Start, State};
-use firmware::map::{JointMap, MAX_SERVOS};
+use firmware::map::{BusKind, JointMap, MAX_SERVOS};
 use firmware::stage::Library;
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
@@ -82,9 +82,14 @@ impl Puppet {
         }
     }
 
-    /// Bits per second of the servo bus.
+    /// Bits per second of the servo bus; a puppet without one has none that it minds.
     pub fn baud(&self) -> u32 {
-        self.map.buses().first().map_or(0, |bus| bus.baud)
+        self.rate_of(BusKind::Dynamixel).unwrap_or(1_000_000)
+    }
+
+    /// Bits or pulses per second of the bus of this kind, where the puppet has one.
+    pub fn rate_of(&self, kind: BusKind) -> Option<u32> {
+        self.map.buses().iter().find(|bus| bus.kind == kind).map(|bus| bus.baud)
     }
 
     /// Plays the clip, and again at each trigger. Returns where a simulated board's puppet rests, with its fault. Panics where

@@ -115,7 +115,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
 fn open(on: &str, names: &[String], specs: &[BusSpec]) -> Result<Vec<Option<SerialBus>>> {
     let reads = |index: &usize| specs[*index].kind.reads();
     let readable: Vec<usize> = (0..specs.len()).filter(reads).collect();
-    let paths = ports::paths(on, &readable.iter().map(|&index| names[index].clone()).collect::<Vec<_>>())?;
+    let paths = ports::paths(on, names, |index| reads(&index))?;
     let mut buses: Vec<Option<SerialBus>> = specs.iter().map(|_| None).collect();
     for (index, path) in readable.into_iter().zip(paths) {
         buses[index] = Some(SerialBus::open(specs[index], &path)?);

@@ -125,13 +125,11 @@ fn wanted(args: &Args) -> Result<Vec<Wanted>> {
     };
     let puppet = Puppet::read(path)?;
     let (specs, servos) = (puppet.bus_specs()?, puppet.servos()?);
-    let names = puppet.bus_names();
     let readable: Vec<usize> = (0..specs.len()).filter(|&index| specs[index].kind.reads()).collect();
     if readable.is_empty() {
         bail!("{} has no bus whose servos can be read", path.display());
     }
-    let paths =
-        ports::paths(&args.on, &readable.iter().map(|&index| names[index].clone()).collect::<Vec<_>>())?;
+    let paths = ports::paths(&args.on, &puppet.bus_names(), |index| specs[index].kind.reads())?;
     let wanted = readable.into_iter().zip(paths).map(|(index, path)| Wanted {
         spec: specs[index],
         path,

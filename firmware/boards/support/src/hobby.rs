@@ -1,0 +1,41 @@
+//! Hobby servos beside the servo bus: on a PCA9685, and on the controller's own PWM pins.
+
+use embassy_time::Delay;
+use embedded_hal_async::i2c::I2c;
+use firmware::bus::ServoBus;
+use firmware::bus::mixed::{Mixed, Part, Parts, mixed};
+use firmware::map::{BusKind, JointMap, MAX_SERVOS};
+use firmware::pca9685::{CHANNELS, OSCILLATOR_HZ, Pca9685Bus};
+use firmware::pwm::{Calibration, Channel, PwmBus, SetDutyCycle, Timing};
+
+/// What a board has for hobby servos; `None` where its puppet has none.
+pub struct Hobby<I, P, const N: usize> {
+    /// The I2C bus with a PCA9685 at its address 0x40.
+    pub i2c: Option<I>,
+    /// Channels that run with this timing.
+    pub pwm: Option<([P; N], Timing)>,
+}
+
+/// The servo bus of a puppet with hobby servos.
+pub type MixedBus<S, I, P, const N: usize> = Mixed<S, Pca9685Bus<I, Delay>, PwmBus<P, N>>;
+
+impl<I: I2c, P: SetDutyCycle, const N: usize> Hobby<I, P, N> {
+    /// The buses of the map, those of Dynamixel servos on `serial`. Panics where one is not there.
+    pub(crate) fn with<S: ServoBus>(self, map: &JointMap<MAX_SERVOS>, serial: S) -> MixedBus<S, I, P, N>
+    where
+        Part<S, Pca9685Bus<I, Delay>, PwmBus<P, N>>: ServoBus,
+    {
+        let Self { i2c, pwm } = self;
+        let calibrations = [Calibration::WIDE; CHANNELS];
+        // The address and the oscillator are those that the chip comes with.
+        let pca9685 = i2c
+            .and_then(|i2c| Pca9685Bus::at(i2c, Default::default(), Delay, OSCILLATOR_HZ, calibrations).ok());
+        let pwm = pwm.map(|(pins, timing)| {
+            PwmBus::new(pins.map(|pin| Channel::new(pin, Calibration::WIDE)), timing.period_us)
+        });
+        match mixed(map, Parts { serial: Some((BusKind::Dynamixel, serial)), pca9685, pwm }) {
+            Ok(bus) => bus,
+            Err(error) => defmt::panic!("map: {}", error),
+        }
+    }
+}
