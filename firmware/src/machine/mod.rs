@@ -26,6 +26,7 @@ mod rehearsal;
 mod start;
 #[cfg(test)]
 mod tests;
+mod unheard;
 #[cfg(test)]
 pub(crate) mod world;
 
@@ -40,6 +41,8 @@ struct Servo {
     from: i32,
     /// Whether it was told to hold.
     armed: bool,
+    /// Whether it was read in this tick, and not in the one before.
+    back: bool,
 }
 
 impl Servo {
@@ -85,6 +88,8 @@ pub struct Machine<'m, L: Library, const N: usize> {
     let_go: bool,
     /// Whether the fault that is latched was acknowledged while the puppet still moved.
     acknowledged: bool,
+    /// Whether a servo is read that was not in the last tick.
+    any_back: bool,
     /// The last plan's action.
     asked: Option<Action>,
 }
@@ -98,6 +103,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             limits: joint.limits(),
             from: 0,
             armed: false,
+            back: false,
         };
         Self {
             stage: Stage::new(map, library, show),
@@ -117,6 +123,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             rearm: false,
             let_go: false,
             acknowledged: false,
+            any_back: false,
             asked: None,
             map,
         }
@@ -212,7 +219,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         }
         let idle = self.idle.tick(self.sways && self.moves_by_itself());
         self.act(idle);
-        self.wait_for_unheard();
+        self.stay_near(feedback);
         self.asked = action;
         // Servos that hold are told so while the others are looked for.
         let sends = match self.state {
@@ -228,18 +235,6 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         Plan { goals: if sends { &self.goals } else { &[] }, action }
     }
 
-    /// Keeps the goals of servos that are not heard where they are: one whose line is loose stands where it was, and its line
-    /// may come back at any time.
-    fn wait_for_unheard(&mut self) {
-        if self.watch.any_unheard() {
-            for (index, (servo, goal)) in self.servos.iter_mut().zip(&self.goals).enumerate() {
-                if self.watch.unheard(index) {
-                    servo.limiter = Limiter::at(goal.position);
-                }
-            }
-        }
-    }
-
     /// Whether the idle layer is on.
     const fn moves_by_itself(&self) -> bool {
         self.fault.is_none() && matches!(self.state, State::Playing | State::Holding)
@@ -248,15 +243,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     // ---- Faults
 
     fn look(&mut self, feedback: &Feedback<'_>) {
-        // A servo that comes back goes on from where it is, not from where it should be by now.
-        if self.watch.any_lost() {
-            for (index, (servo, reading)) in self.servos.iter_mut().zip(feedback.readings).enumerate() {
-                if let (true, Some(reading)) = (self.watch.lost(index), reading) {
-                    servo.limiter = Limiter::at(within(reading.position));
-                    servo.from = servo.limiter.position();
-                }
-            }
-        }
+        self.welcome(feedback);
         let (map, servos) = (self.map, &self.servos);
         let found = self.watch.examine(
             map.settings(),

@@ -375,8 +375,9 @@ proptest! {
                 22 => world.motors[servo].temperature ^= 100,
                 23 if !world.motors[servo].torque => {
                     // No hand does that between a reading and the goal after it.
-                    world.motors[servo].position = (value >> 16) as i32 & 4095;
-                    world.read();
+                    let position = (value >> 16) as i32 & 4095;
+                    world.motors[servo].position = position;
+                    world.readings[servo].iter_mut().for_each(|reading| reading.position = position);
                 }
                 _ => {}
             }

@@ -126,7 +126,7 @@ pub(crate) struct World<'m> {
     pub(crate) readings: [Option<Reading>; SERVOS],
     /// What each motor was told last, and how far that was from what it was told before.
     pub(crate) told: HashMap<usize, i32>,
-    pub(crate) velocity: HashMap<usize, i32>,
+    pub(crate) velocity: [Option<i32>; SERVOS],
     /// Motors that the last tick reached.
     pub(crate) reached: [bool; SERVOS],
     /// The longest way that a motor was told to go at once.
@@ -148,7 +148,7 @@ impl<'m> World<'m> {
             actions: std::vec::Vec::new(),
             readings: [None; SERVOS],
             told: HashMap::new(),
-            velocity: HashMap::new(),
+            velocity: [None; SERVOS],
             reached: [false; SERVOS],
             longest: 0,
             tick: 0,
@@ -185,8 +185,8 @@ impl<'m> World<'m> {
             let reaches = motor.torque && !motor.silent && self.bus.is_ok();
             let reached = std::mem::replace(&mut self.reached[index], reaches);
             let (step, way) = (self.told.insert(index, goal.position), goal.position - motor.position);
-            let step = step.map_or(way, |last| goal.position - last);
-            let before = self.velocity.insert(index, step).unwrap_or_default();
+            let step = step.map(|last| goal.position - last);
+            let before = std::mem::replace(&mut self.velocity[index], step);
             if !reaches {
                 continue;
             }
@@ -194,7 +194,9 @@ impl<'m> World<'m> {
             // One that was not reached is told what it would have been told a tick or two after it was.
             let most = if reached { 1 } else { i32::from(UNHEARD_TICKS) };
             assert!(way.abs() <= most * 60 + 1, "{at}, {most} ticks' movement at most");
-            assert!(!reached || (step - before).abs() <= 8, "{at}, {step} from the last, after {before}");
+            if let (true, Some(step), Some(before)) = (reached, step, before) {
+                assert!((step - before).abs() <= 8, "{at}, {step} from the last, after {before}");
+            }
             let inwards = motor.position < joint.min && way >= 0 || motor.position > joint.max && way <= 0;
             assert!(way.abs() <= 7 || inwards || (joint.min..=joint.max).contains(&goal.position), "{at}");
             self.longest = self.longest.max(way.abs());
@@ -202,7 +204,7 @@ impl<'m> World<'m> {
         }
         if goals.is_empty() {
             self.told.clear();
-            self.velocity.clear();
+            self.velocity = [None; SERVOS];
             self.reached = [false; SERVOS];
         }
         self.action = action.map(|action| self.act(action));
