@@ -225,7 +225,8 @@ impl<L: Library> Surroundings<L, 4> for Evening<'_> {
                 self.latched.push(Latched { fault, during, at_us: now, settled_us: None });
                 self.looked_at = 1;
             }
-            if let (Some(latched), State::Holding | State::Resting | State::Limp) =
+            // On its way home, at the pace of easing, it may be acknowledged too.
+            if let (Some(latched), State::Holding | State::Returning | State::Resting | State::Limp) =
                 (self.latched.last_mut(), state)
             {
                 latched.settled_us.get_or_insert(now);
@@ -233,10 +234,14 @@ impl<L: Library> Surroundings<L, 4> for Evening<'_> {
             }
             if self.looked_at > LOOKED_AT {
                 machine.command(Command::Acknowledge).unwrap();
+            }
+            // A puppet that moves stops first.
+            if machine.fault().is_none() {
                 self.looked_at = 0;
             }
             return self.ticks < MOST_TICKS;
         }
+        self.looked_at = 0;
         // What happens at the very end is still noticed.
         self.rested = if machine.at_rest() { self.rested + 1 } else { 0 };
         self.ticks < MOST_TICKS && self.rested <= LOOKED_AT
