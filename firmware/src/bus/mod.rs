@@ -5,6 +5,7 @@
 
 pub mod blocking;
 mod both;
+pub(crate) mod pending;
 pub mod port;
 pub(crate) mod roll;
 

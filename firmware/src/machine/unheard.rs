@@ -23,7 +23,7 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
             servo.back = true;
             self.any_back = true;
             let here = within(reading.position) << FINE_BITS;
-            let near = UNHEARD_TICKS as u32 * servo.limits.max_velocity().unsigned_abs();
+            let near = u32::from(UNHEARD_TICKS) * servo.limits.max_velocity().unsigned_abs();
             let far = here.abs_diff(servo.limiter.position()) > near;
             if self.watch.lost(index) && (far || untold) {
                 servo.limiter = Limiter::at(within(reading.position));

@@ -121,7 +121,7 @@ impl Servos for Virtual {
             let from_here = (goal - present[index]).abs();
             let inside = (HOME - 400..=HOME + 300).contains(&goal);
             let jumps = from_last.min(from_here) > SPEED * ticks as i32 + 1;
-            if !inside || jumps || from_here > SPEED * (UNHEARD_TICKS as i32 + *late as i32) + 1 {
+            if !inside || jumps || from_here > SPEED * (i32::from(UNHEARD_TICKS) + *late as i32) + 1 {
                 let at = present[index];
                 wrong.get_or_insert(format!(
                     "servo {id} at {at} is sent to {goal} in tick {tick}, {ticks} after the last"
