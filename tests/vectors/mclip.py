@@ -300,12 +300,15 @@ class Clip:
         for channel in self.channels:
             value = bits.signed(channel.entry_bits) << channel.shift if channel.entry_bits else channel.low
             self.states.append(State(channel, wrap(value)))
+            if self.codec == ADPCM:
+                lowest, highest = self.parameters[16:18]
+                self.states[-1].step = clamp(channel.step, lowest, highest)
         self.align(bits)
 
     def next(self, number, state, c):
         x1, x2, a, (a1, a2), b = state.x1, state.x2, state.coefficient, state.alpha, state.bits
         window = self.parameters[18] if self.codec == ADPCM else 0
-        first, second = x1 - a * (x1 >> 16), x1 + (wrap(clamp(a, -128, 127) * wrap(x1 - x2)) >> 6)
+        first, second = x1 - max(a, -32767) * (x1 >> 16), x1 + (wrap(clamp(a, -128, 127) * wrap(x1 - x2)) >> 6)
         if self.codec == PCM:
             delta = a << state.step
             x = state.low + (delta << b - 1) + (delta >> 1) + c * delta
@@ -570,7 +573,10 @@ def vectors():
         "qmd-huffman": make(rng, QMD, HUFFMAN, levels, wide, some(3, 3, 3), [25, 30]),
         "adpcm-sliding-15": make(rng, ADPCM, HUFFMAN, still + bytes([15, 1]), wide, some(6, 6, 0, 6), [60, -30, 30], ones=0.3),
         "adpcm-sliding-120": make(rng, ADPCM, FIXED, adapts + bytes([120, 4]), b"", some(3, 4, 2), [200, -150]),
-        "adpcm-sliding-edges": make(rng, ADPCM, ADAPTIVE, adapts + bytes([120, 0]), bytes([6]), edges, [260]),
+        "adpcm-sliding-edges": make(rng, ADPCM, ADAPTIVE, adapts + bytes([64, 3]), bytes([6]), edges, [260]),
+        "dpcm-edge-leaks": make(rng, DPCM, FIXED, bytes([1]), b"", edges, [30, -4]),
+        # First steps below, between and above the bounds.
+        "adpcm-outside-bounds": make(rng, ADPCM, FIXED, adapts[:16] + bytes([98, 102, 0, 0]), b"", some(*[4] * 9), [30, -4]),
     }
     return {f"{name}.mclip": clip for name, clip in made.items()}
 

@@ -1,5 +1,6 @@
 //! A block: the unit of transport and integrity.
 
+use super::engine::Engine;
 use super::header::{Header, check, checksum};
 use crate::error::{Error, Field};
 
@@ -88,6 +89,7 @@ impl BlockHeader {
     ///
     /// # Errors
     /// [`Error::Checksum`].
+    #[inline(never)]
     pub fn verify(&self, codes: &[u8], at: usize) -> Result<(), Error> {
         let found = checksum(&self.covered(), codes);
         if found == self.checksum {
@@ -100,12 +102,16 @@ impl BlockHeader {
 /// A position in the codes of a block.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cursor {
-    /// Where the block's header is in the clip.
-    at: usize,
+    /// Number of the frame that comes next.
+    pub frame: u32,
+    /// Frames before this one need no more than to be decoded: they are neither an entry point nor the block's last one.
+    plain: u32,
     /// Bits read.
     position: usize,
-    /// Frames left.
-    left: u16,
+    /// Frames of the block and of those before it.
+    end: u32,
+    /// Where the block's header is in the clip.
+    at: usize,
     /// Whether the next frame is the first one of an entry point.
     entry: bool,
 }
@@ -113,23 +119,54 @@ pub(super) struct Cursor {
 impl Cursor {
     /// Before the first frame of a block, whose header is at byte `at`.
     pub const fn new(block: BlockHeader, at: usize) -> Self {
-        Self { at, position: 0, left: block.frames, entry: block.entry }
+        let end = block.first_frame.saturating_add(block.frames as u32);
+        let plain = if block.entry { 0 } else { end.saturating_sub(1) };
+        Self { frame: block.first_frame, plain, position: 0, end, at, entry: block.entry }
     }
 
-    /// Decodes the next frame; false after the last one.
+    /// In no block; `frame` comes next.
+    pub const fn outside(frame: u32) -> Self {
+        Self { frame, plain: 0, position: 0, end: frame, at: 0, entry: false }
+    }
+
+    /// Decodes the next frame where it is one of those that need no more; whether it was.
+    ///
+    /// # Errors
+    /// [`Error::Truncated`].
     #[inline(always)]
-    pub fn next(&mut self, engine: &mut super::Engine<'_, '_>, codes: &[u8]) -> Result<bool, Error> {
-        if self.left == 0 {
+    pub fn next_plain(&mut self, engine: &mut Engine<'_, '_>, codes: &[u8]) -> Result<bool, Error> {
+        if self.frame >= self.plain {
             return Ok(false);
         }
-        let Ok(position) = engine.decode(codes, self.position, self.entry) else {
+        let Some(position) = engine.decode(codes, self.position) else {
             return Err(self.truncated(codes.len()));
         };
         self.position = position;
+        self.frame = self.frame.wrapping_add(1);
+        Ok(true)
+    }
+
+    /// Decodes the next frame; false after the last one.
+    ///
+    /// # Errors
+    /// [`Error::Truncated`], or [`Error::Malformed`] after the last one.
+    #[inline(always)]
+    pub fn next(&mut self, engine: &mut Engine<'_, '_>, codes: &[u8]) -> Result<bool, Error> {
+        if self.is_done() {
+            return Ok(false);
+        }
+        let decoded = if self.entry {
+            engine.decode_entry(codes, self.position)
+        } else {
+            engine.decode(codes, self.position)
+        };
+        let Some(position) = decoded else { return Err(self.truncated(codes.len())) };
         self.entry = false;
-        self.left = self.left.wrapping_sub(1);
+        self.plain = self.end.saturating_sub(1);
+        self.position = position;
+        self.frame = self.frame.wrapping_add(1);
         let used = position.wrapping_add(7) >> 3;
-        if self.left == 0 && used != codes.len() {
+        if self.is_done() && used != codes.len() {
             return Err(self.too_long(codes.len(), used));
         }
         Ok(true)
@@ -137,7 +174,7 @@ impl Cursor {
 
     /// Whether all of the block's frames were given.
     pub const fn is_done(&self) -> bool {
-        self.left == 0
+        self.frame >= self.end
     }
 
     #[cold]

@@ -116,7 +116,14 @@ impl<'a> Clip<'a> {
     }
 
     /// The block whose header is at byte `at`.
-    pub(super) fn block(&self, at: usize, expected: Option<u32>) -> Result<Block<'a>, Error> {
+    #[inline(never)]
+    fn block(&self, at: usize, expected: Option<u32>) -> Result<Block<'a>, Error> {
+        self.block_here(at, expected)
+    }
+
+    /// The same as a part of the caller, who then copies no block: where a frame is waiting for it.
+    #[inline(always)]
+    pub(super) fn block_here(&self, at: usize, expected: Option<u32>) -> Result<Block<'a>, Error> {
         let rest = self.bytes.get(at..).unwrap_or_default();
         let (header, rest) = rest.split_first_chunk::<BLOCK_HEADER_BYTES>().ok_or(Error::Truncated {
             field: Field::BlockHeader,

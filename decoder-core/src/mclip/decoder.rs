@@ -7,28 +7,35 @@ use crate::error::Error;
 use fixed::types::I16F16;
 
 /// A position in a clip, and the pose there. Made by [`Clip::decoder`].
+///
+/// What every frame needs comes first, where short instructions reach it.
 #[derive(Debug)]
+#[repr(C)]
 pub struct Decoder<'a, 's> {
-    clip: Clip<'a>,
+    /// Where it is in the block, or which frame comes next.
+    cursor: Cursor,
+    /// The block's codes.
+    codes: &'a [u8],
     engine: Engine<'a, 's>,
-    at: At<'a>,
-    position: u32,
+    at: At,
+    clip: Clip<'a>,
 }
 
 /// Where in its blocks a decoder is.
 #[derive(Clone, Copy, Debug)]
-enum At<'a> {
+enum At {
     /// Between blocks; the next one's header is at this byte.
     Boundary(usize),
-    /// In a block with these codes, after which the next one's header is at byte `end`.
-    Inside { codes: &'a [u8], end: usize, cursor: Cursor },
+    /// In a block, after which the next one's header is at byte `end`.
+    Inside { end: usize },
     /// After an error, which is repeated until the next seek.
     Failed(Error),
 }
 
 impl<'a, 's> Decoder<'a, 's> {
     pub(super) const fn new(clip: Clip<'a>, engine: Engine<'a, 's>) -> Self {
-        Self { clip, engine, at: At::Boundary(clip.header_bytes()), position: 0 }
+        let at = At::Boundary(clip.header_bytes());
+        Self { cursor: Cursor::outside(0), codes: &[], engine, at, clip }
     }
 
     /// Decodes the next frame and returns its pose, an element a channel; `None` after the last one.
@@ -37,53 +44,68 @@ impl<'a, 's> Decoder<'a, 's> {
     /// [`Error::Checksum`] where the next block was damaged and the clip was not [verified](Clip::verify),
     /// [`Error::Truncated`] or [`Error::Malformed`] where its
     /// codes are not as long as it. After an error only [`seek`](Self::seek) and [`rewind`](Self::rewind) go on.
+    #[inline]
     pub fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
-        match self.advance() {
-            Ok(true) => Ok(Some(self.engine.pose())),
-            Ok(false) => Ok(None),
-            Err(error) => {
-                self.at = At::Failed(error);
-                Err(error)
-            }
+        let found = match self.cursor.next_plain(&mut self.engine, self.codes) {
+            Ok(false) => self.advance(),
+            Ok(true) => Ok(true),
+            Err(error) => self.fail(error),
+        };
+        Ok(if found? { Some(self.engine.pose()) } else { None })
+    }
+
+    /// Goes on to a frame that something comes before or after: a block begins or ends.
+    #[inline(never)]
+    fn advance(&mut self) -> Result<bool, Error> {
+        match self.cross() {
+            Ok(found) => Ok(found),
+            Err(error) => self.fail(error),
         }
     }
 
-    fn advance(&mut self) -> Result<bool, Error> {
-        if self.position >= self.clip.frames() {
+    #[inline(always)]
+    fn cross(&mut self) -> Result<bool, Error> {
+        if self.cursor.frame >= self.clip.frames() {
             return Ok(false);
         }
         if let At::Boundary(at) = self.at {
             self.enter(at)?;
         }
-        match &mut self.at {
-            At::Failed(error) => Err(*error),
+        match self.at {
+            At::Failed(error) => Err(error),
             At::Boundary(_) => Ok(false),
-            At::Inside { codes, end, cursor } => {
-                let found = cursor.next(&mut self.engine, codes)?;
-                self.position = self.position.wrapping_add(1);
-                if cursor.is_done() {
-                    self.at = At::Boundary(*end);
+            At::Inside { end } => {
+                let found = self.cursor.next(&mut self.engine, self.codes)?;
+                if self.cursor.is_done() {
+                    self.at = At::Boundary(end);
                 }
                 Ok(found)
             }
         }
     }
 
+    #[cold]
+    fn fail(&mut self, error: Error) -> Result<bool, Error> {
+        self.cursor = Cursor::outside(self.cursor.frame);
+        self.at = At::Failed(error);
+        Err(error)
+    }
+
     /// Enters the block whose header is at byte `at`.
-    #[inline(never)]
+    #[inline(always)]
     fn enter(&mut self, at: usize) -> Result<(), Error> {
-        let Block { header, at, codes, end } = self.clip.block(at, Some(self.position))?;
+        let Block { header, at, codes, end } = self.clip.block_here(at, Some(self.cursor.frame))?;
         if !self.clip.is_verified() {
             header.verify(codes, at)?;
         }
-        self.at = At::Inside { codes, end, cursor: Cursor::new(header, at) };
+        (self.at, self.codes, self.cursor) = (At::Inside { end }, codes, Cursor::new(header, at));
         Ok(())
     }
 
     /// Goes back to before the first frame.
     pub const fn rewind(&mut self) {
         self.at = At::Boundary(self.clip.header_bytes());
-        self.position = 0;
+        self.cursor = Cursor::outside(0);
     }
 
     /// Decodes frame `frame` (0 is the first) and returns its pose; `None` where there is no such frame, which
@@ -98,7 +120,7 @@ impl<'a, 's> Decoder<'a, 's> {
             return Ok(None);
         }
         self.approach(frame)?;
-        while self.position < frame {
+        while self.position() < frame {
             self.next_frame()?;
         }
         self.next_frame()
@@ -114,17 +136,17 @@ impl<'a, 's> Decoder<'a, 's> {
             return Ok(());
         }
         let entry = self.clip.entry_before(frame)?;
-        let nearer = self.position <= frame && self.position >= entry.header.first_frame;
+        let nearer = self.position() <= frame && self.position() >= entry.header.first_frame;
         if !nearer || matches!(self.at, At::Failed(_)) {
             self.at = At::Boundary(entry.at);
-            self.position = entry.header.first_frame;
+            self.cursor = Cursor::outside(entry.header.first_frame);
         }
         Ok(())
     }
 
     /// Number of the frame that comes next.
     pub const fn position(&self) -> u32 {
-        self.position
+        self.cursor.frame
     }
 
     /// The clip.

@@ -1,16 +1,15 @@
 //! What decoding in place, decoding a stream and encoding have in common: a pose, and a step to the next one.
 
-use super::channels::{Channels, Choose};
-use super::codec::{Adpcm, Codec, EntropyId};
+use super::channels::{At, Channels, Choose};
+use super::codec::{Codec, EntropyId};
 use super::header::Header;
-use super::octets;
+use super::octets::{self, Lanes, Loop};
 use super::state::State;
 use crate::bits::{BitReader, MAX_TAKE};
 use crate::entropy::huffman::{NO_TABLE, TableError};
 use crate::entropy::{AdaptiveHuffman, Huffman};
 use crate::error::{Error, Field};
-use crate::predict::{Constant, Correlation, First, Second};
-use crate::quantise::Uniform;
+use crate::predict::{Correlation, Ring};
 use fixed::types::I16F16;
 
 /// The memory that a decoder needs, in elements.
@@ -25,7 +24,7 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// In bytes: 16 a channel, 16 more where the predictor adapts, and the words of windows and entropy stage.
+    /// In bytes: 16 a channel, 16 more where the predictor adapts by an exponential window, and the words of windows and entropy stage.
     pub const fn bytes(&self) -> usize {
         self.channels
             .saturating_mul(size_of::<I16F16>().saturating_add(size_of::<State>()))
@@ -41,7 +40,7 @@ pub struct Memory<'s> {
     pub pose: &'s mut [I16F16],
     /// A state for every channel.
     pub states: &'s mut [State],
-    /// An adaptive predictor for every channel, where the codec has one.
+    /// A correlation for every channel, where the predictor has an exponential window.
     pub correlations: &'s mut [Correlation],
     /// The predictors' windows and the entropy stage's.
     pub words: &'s mut [u16],
@@ -55,18 +54,20 @@ enum Source<'s> {
     Adaptive(AdaptiveHuffman<'s>),
 }
 
-/// A pose and all that its next one depends on.
+/// A pose and all that its next one depends on. What every frame needs comes first.
 #[derive(Debug)]
+#[repr(C)]
 pub struct Engine<'a, 's> {
+    lanes: Lanes<'s>,
+    /// The loop over octets, where there is one.
+    run: Option<Loop>,
     header: Header<'a>,
-    pose: &'s mut [I16F16],
-    states: &'s mut [State],
     correlations: &'s mut [Correlation],
-    /// A ring for every channel, where predictors have a sliding window.
-    rings: &'s mut [u16],
+    /// A row for each frame of them, where predictors have a sliding window.
+    windows: &'s mut [u16],
     source: Source<'s>,
-    /// Frames since the entry point.
-    frame: u32,
+    /// The last frame.
+    at: At,
 }
 
 impl<'a, 's> Engine<'a, 's> {
@@ -78,9 +79,10 @@ impl<'a, 's> Engine<'a, 's> {
         let needs = header.needs();
         let tables = header.opening().tables;
         let words = lent(memory.words, needs.words, Field::CodeTables)?;
-        let of_rings = header.codec().ring_words().saturating_mul(needs.channels);
+        let length = header.codec().ring_words();
+        let of_windows = length.saturating_mul(needs.channels);
         // The needs have both, so there is enough to split.
-        let (rings, words) = words.split_at_mut_checked(of_rings).unwrap_or_default();
+        let (windows, words) = words.split_at_mut_checked(of_windows).unwrap_or_default();
         let bad_tables = Error::Encoding { field: Field::CodeTables, at: super::PREFIX_BYTES };
         let source = match header.entropy() {
             EntropyId::FixedWidth => Source::FixedWidth,
@@ -108,17 +110,19 @@ impl<'a, 's> Engine<'a, 's> {
                 state.context = if channel.bits == 0 { NO_TABLE } else { first };
             }
         }
-        if matches!(source, Source::FixedWidth) {
+        let mut run = None;
+        if matches!(source, Source::FixedWidth) && cfg!(feature = "fixed-width") {
             octets::mark(states);
+            run = octets::choose(header.codec(), states);
         }
         Ok(Self {
+            lanes: Lanes { pose, states },
+            run,
             header,
-            pose,
-            states,
             correlations: lent(memory.correlations, needs.correlations, Field::Correlations)?,
-            rings,
+            windows,
             source,
-            frame: 0,
+            at: At { frame: 0, row: 0, length, channels: needs.channels },
         })
     }
 
@@ -129,66 +133,60 @@ impl<'a, 's> Engine<'a, 's> {
 
     /// The last frame.
     pub const fn pose(&self) -> &[I16F16] {
-        self.pose
+        self.lanes.pose
     }
 
-    /// Decodes the frame whose codes start at bit `position` of a block's codes; gives where they end. `entry` is
-    /// true for the first frame of an entry point.
+    /// Decodes the frame whose codes start at bit `position` of a block's codes; gives where they end.
     #[inline(always)]
-    pub(super) fn decode(&mut self, codes: &[u8], mut position: usize, entry: bool) -> Result<usize, ()> {
-        if entry {
-            position = self.decode_entry(codes, position)?;
-            if self.header.codec().has_entry_values() {
-                return Ok(position);
-            }
-        }
-        let Self { header, pose, states, correlations, rings, source, frame } = self;
-        *frame = frame.wrapping_add(1);
-        let (codec, frame) = (header.codec(), *frame);
+    pub(super) fn decode(&mut self, codes: &[u8], position: usize) -> Option<usize> {
+        let Some(run) = self.run else { return self.decode_other(codes, position) };
+        let bytes = codes.get(position >> 3..)?;
+        let rest = run(&mut self.lanes, self.header.codec(), bytes)?;
+        Some(codes.len().wrapping_sub(rest.len()).wrapping_mul(8))
+    }
+
+    /// The same where the channels have no loop over octets.
+    #[inline(never)]
+    fn decode_other(&mut self, codes: &[u8], position: usize) -> Option<usize> {
+        let Self { header, lanes: Lanes { pose, states }, correlations, windows, source, at, .. } = self;
+        let codec = header.codec();
+        let channels = Channels { pose, states, correlations, windows, at };
         match source {
             Source::FixedWidth if cfg!(feature = "fixed-width") => {
-                let bytes = codes.get(position >> 3..).unwrap_or_default();
-                let rest = match codec {
-                    Codec::Pcm if cfg!(feature = "pcm") => {
-                        octets::step(pose, states, &Constant, &Uniform, bytes)
-                    }
-                    Codec::Dpcm { order: 0 | 1 } if cfg!(feature = "dpcm") => {
-                        octets::step(pose, states, &First, &Uniform, bytes)
-                    }
-                    Codec::Dpcm { .. } if cfg!(feature = "dpcm") => {
-                        octets::step(pose, states, &Second, &Uniform, bytes)
-                    }
-                    Codec::Adpcm(Adpcm { quantiser, predictor: None })
-                        if cfg!(feature = "adaptive-step") && quantiser.adapts() =>
-                    {
-                        octets::step(pose, states, &Second, quantiser, bytes)
-                    }
-                    _ => Channels { pose, states, correlations, rings, frame }.step_unpacked(codec, bytes),
-                };
-                Ok(codes.len().wrapping_sub(rest.ok_or(())?.len()).wrapping_mul(8))
+                let rest = channels.step_unpacked(codec, codes.get(position >> 3..)?)?;
+                Some(codes.len().wrapping_sub(rest.len()).wrapping_mul(8))
             }
             Source::Huffman(source) if cfg!(feature = "huffman") => {
-                let channels = Channels { pose, states, correlations, rings, frame };
                 within(channels.step_coded(codec, codes, position, *source), codes)
             }
             Source::Adaptive(source) if cfg!(feature = "adaptive-huffman") => {
-                let channels = Channels { pose, states, correlations, rings, frame };
                 within(channels.step_coded(codec, codes, position, source), codes)
             }
             // Refused by `EntropyId::check_linked`.
-            _ => Err(()),
+            _ => None,
         }
     }
 
+    /// Decodes the first frame of an entry point.
+    #[inline(always)]
+    pub(super) fn decode_entry(&mut self, codes: &[u8], position: usize) -> Option<usize> {
+        let position = self.decode_values(codes, position)?;
+        if self.header.codec().has_entry_values() {
+            return Some(position);
+        }
+        self.decode(codes, position)
+    }
+
     /// Decodes the values of an entry point; gives where they end.
-    #[inline(never)]
-    fn decode_entry(&mut self, codes: &[u8], position: usize) -> Result<usize, ()> {
+    // Its loop needs more registers than Cortex-M4 has beside its caller's; on Cortex-M0+ a call costs more than it saves.
+    #[cfg_attr(target_has_atomic = "32", inline(never))]
+    fn decode_values(&mut self, codes: &[u8], position: usize) -> Option<usize> {
         self.reset();
         let mut position = position;
         if self.header.codec().has_entry_values() {
             let keep = self.header.codec().keeps_values();
             let mut reader = BitReader::at(codes, position);
-            enter(self.pose, self.states, keep, |_, _, bits| {
+            enter(self.lanes.pose, self.lanes.states, keep, |_, _, bits| {
                 if bits <= MAX_TAKE {
                     return reader.take_signed(bits);
                 }
@@ -212,49 +210,51 @@ impl<'a, 's> Engine<'a, 's> {
             self.reset();
             if self.header.codec().has_entry_values() {
                 let keep = self.header.codec().keeps_values();
-                enter(self.pose, self.states, keep, |channel, shift, bits| {
+                enter(self.lanes.pose, self.lanes.states, keep, |channel, shift, bits| {
                     choose.entry(channel, shift, bits)
                 });
             }
         }
         let codec = self.header.codec();
         if !(entry && codec.has_entry_values()) {
-            self.frame = self.frame.wrapping_add(1);
             let channels = Channels {
-                pose: self.pose,
-                states: self.states,
+                pose: self.lanes.pose,
+                states: self.lanes.states,
                 correlations: self.correlations,
-                rings: self.rings,
-                frame: self.frame,
+                windows: self.windows,
+                at: &mut self.at,
             };
             channels.step(codec, choose);
         }
-        self.pose
+        self.lanes.pose
     }
 
     /// Sets all but the values of channels to what it is at an entry point.
     fn reset(&mut self) {
-        self.frame = 0;
+        self.at.frame = 0;
         self.correlations.fill(Correlation::default());
         if let Source::Huffman(huffman) = &self.source {
             let shape = huffman.shape();
-            self.states.iter_mut().for_each(|state| state.context = shape.first_of(state.context));
+            self.lanes.states.iter_mut().for_each(|state| state.context = shape.first_of(state.context));
         }
         let codec = self.header.codec();
         if let Codec::Adpcm(adpcm) = codec {
             if adpcm.quantiser.adapts() {
-                self.states.iter_mut().for_each(State::reset_step);
+                self.lanes.states.iter_mut().for_each(State::reset_step);
             }
             if adpcm.predictor.is_some() {
-                self.states.iter_mut().for_each(|state| state.second = 0);
+                // The first frame is to have row 0.
+                self.at.row = self.at.length;
+                Ring::clear(self.windows, self.at.channels);
+                self.lanes.states.iter_mut().for_each(|state| state.second = 0);
             }
         }
     }
 }
 
 /// A position in codes, which have to be as long.
-const fn within(position: usize, codes: &[u8]) -> Result<usize, ()> {
-    if position > codes.len().saturating_mul(8) { Err(()) } else { Ok(position) }
+const fn within(position: usize, codes: &[u8]) -> Option<usize> {
+    if position > codes.len().saturating_mul(8) { None } else { Some(position) }
 }
 
 /// Sets all channels that have codes to their values at an entry point, and with `keep` the ones before these too. `value`

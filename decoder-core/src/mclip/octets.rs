@@ -2,11 +2,12 @@
 //! knows.
 
 use super::channels::{CHUNK, given};
+use super::codec::{Adpcm, Codec};
 use super::state::State;
 use crate::bits::BitReader;
-use crate::entropy::fixed_width::{OCTET, field};
-use crate::predict::Predict;
-use crate::quantise::Quantise;
+use crate::entropy::fixed_width::{BYTES_ONLY, OCTET, field};
+use crate::predict::{Constant, FirstByHalves, Predict, Second};
+use crate::quantise::{Adaptive, Quantise, Uniform};
 use core::mem;
 use fixed::types::I16F16;
 
@@ -97,6 +98,8 @@ fn whole<const BITS: usize>(out: &mut [i32; OCTET], codes: &[u8]) {
 }
 
 /// Bytes, and zeros up to a whole octet.
+#[cold]
+#[inline(never)]
 fn filled<const BITS: usize>(bytes: &[u8]) -> [u8; BITS] {
     let mut octet = [0; BITS];
     octet.iter_mut().zip(bytes).for_each(|(slot, &byte)| *slot = byte);
@@ -114,40 +117,79 @@ fn mixed<'b>(states: &[State], out: &mut [i32], codes: &'b [u8]) -> Option<&'b [
     codes.get(reader.position().wrapping_add(7) >> 3..)
 }
 
-/// Goes on to the next frame of codes with uniform steps; gives the bytes that are left.
-#[inline(never)]
-pub(super) fn step<'b, P: Predict, Q: Quantise>(
-    pose: &mut [I16F16],
-    states: &mut [State],
-    predict: &P,
-    quantise: &Q,
-    codes: &'b [u8],
-) -> Option<&'b [u8]> {
-    let (Some(first), Some(second)) = (states.first(), states.get(1)) else {
-        return run(pose, states, predict, quantise, codes);
-    };
-    // All of them have codes of one width: the shortest way.
-    let width =
-        if usize::from(second.context).wrapping_mul(OCTET) < states.len() { 0 } else { first.context };
-    match width {
-        4 => equal::<4, P, Q>(pose, states, predict, quantise, codes),
-        5 => equal::<5, P, Q>(pose, states, predict, quantise, codes),
-        6 => equal::<6, P, Q>(pose, states, predict, quantise, codes),
-        7 => equal::<7, P, Q>(pose, states, predict, quantise, codes),
-        8 => equal::<8, P, Q>(pose, states, predict, quantise, codes),
-        _ => run(pose, states, predict, quantise, codes),
+/// A loop over a frame's channels, chosen when a clip is opened: takes the codes off the front of a block's, and gives
+/// those that are left.
+pub(super) type Loop = for<'b> fn(&mut Lanes<'_>, &Codec<'_>, &'b [u8]) -> Option<&'b [u8]>;
+
+/// What such a loop changes.
+#[derive(Debug)]
+pub(super) struct Lanes<'s> {
+    pub pose: &'s mut [I16F16],
+    pub states: &'s mut [State],
+}
+
+/// A quantiser that needs no more than is in a codec.
+pub(super) trait OfCodec: Quantise + Sized {
+    fn of<'c>(codec: &'c Codec<'_>) -> Option<&'c Self>;
+}
+
+impl OfCodec for Uniform {
+    #[inline(always)]
+    fn of<'c>(_: &'c Codec<'_>) -> Option<&'c Self> {
+        Some(&Self)
     }
 }
 
-/// The same, run by run of octets of one width.
-#[inline(never)]
-fn run<'b, P: Predict, Q: Quantise>(
-    mut pose: &mut [I16F16],
-    mut states: &mut [State],
-    predict: &P,
-    quantise: &Q,
+impl OfCodec for Adaptive {
+    #[inline(always)]
+    fn of<'c>(codec: &'c Codec<'_>) -> Option<&'c Self> {
+        if let Codec::Adpcm(Adpcm { quantiser, .. }) = codec { Some(quantiser) } else { None }
+    }
+}
+
+/// The loop for a codec, where there is one for octets.
+pub(super) fn choose(codec: &Codec<'_>, states: &[State]) -> Option<Loop> {
+    match codec {
+        Codec::Pcm if cfg!(feature = "pcm") => Some(by_width::<Constant, Uniform>(states)),
+        Codec::Dpcm { order: 0 | 1 } if cfg!(feature = "dpcm") => {
+            Some(by_width::<FirstByHalves, Uniform>(states))
+        }
+        Codec::Dpcm { .. } if cfg!(feature = "dpcm") => Some(by_width::<Second, Uniform>(states)),
+        Codec::Adpcm(Adpcm { quantiser, predictor: None })
+            if cfg!(feature = "adaptive-step") && quantiser.adapts() =>
+        {
+            Some(by_width::<Second, Adaptive>(states))
+        }
+        _ => None,
+    }
+}
+
+/// The loop for these widths.
+fn by_width<P: Predict + Default, Q: OfCodec>(states: &[State]) -> Loop {
+    // Where all of them have codes of one width: the shortest way.
+    let width = match states {
+        [first, second, ..] if usize::from(second.context).wrapping_mul(OCTET) >= states.len() => {
+            first.context
+        }
+        _ => 0,
+    };
+    match width {
+        4 => equal::<4, P, Q>,
+        5 => equal::<5, P, Q>,
+        6 => equal::<6, P, Q>,
+        7 => equal::<7, P, Q>,
+        8 => equal::<8, P, Q>,
+        _ => run::<P, Q>,
+    }
+}
+
+/// Run by run of octets of one width.
+fn run<'b, P: Predict + Default, Q: OfCodec>(
+    lanes: &mut Lanes<'_>,
+    codec: &Codec<'_>,
     mut codes: &'b [u8],
 ) -> Option<&'b [u8]> {
+    let (mut pose, mut states) = (&mut *lanes.pose, &mut *lanes.states);
     while let Some(first) = states.first() {
         let alike = usize::from(states.get(1).map_or(1, |second| second.context));
         let width = first.context;
@@ -155,16 +197,17 @@ fn run<'b, P: Predict, Q: Quantise>(
         let count = octets.wrapping_mul(OCTET).min(states.len());
         let (now, later) = pose.split_at_mut_checked(count)?;
         let (states_now, states_later) = states.split_at_mut_checked(count)?;
+        let mut lanes = Lanes { pose: now, states: states_now };
         codes = match width {
-            4 => equal::<4, P, Q>(now, states_now, predict, quantise, codes)?,
-            5 => equal::<5, P, Q>(now, states_now, predict, quantise, codes)?,
-            6 => equal::<6, P, Q>(now, states_now, predict, quantise, codes)?,
-            7 => equal::<7, P, Q>(now, states_now, predict, quantise, codes)?,
-            8 => equal::<8, P, Q>(now, states_now, predict, quantise, codes)?,
+            4 => equal::<4, P, Q>(&mut lanes, codec, codes)?,
+            5 => equal::<5, P, Q>(&mut lanes, codec, codes)?,
+            6 => equal::<6, P, Q>(&mut lanes, codec, codes)?,
+            7 => equal::<7, P, Q>(&mut lanes, codec, codes)?,
+            8 => equal::<8, P, Q>(&mut lanes, codec, codes)?,
             _ => {
                 let mut buffer = [0; OCTET];
-                let left = mixed(states_now, &mut buffer, codes)?;
-                given(now, states_now, predict, quantise, &buffer);
+                let left = mixed(lanes.states, &mut buffer, codes)?;
+                given(lanes.pose, lanes.states, &P::default(), Q::of(codec)?, &buffer);
                 left
             }
         };
@@ -173,37 +216,102 @@ fn run<'b, P: Predict, Q: Quantise>(
     Some(codes)
 }
 
-/// Channels whose codes all have `BITS` bits; gives the bytes that are left.
-#[inline(never)]
-fn equal<'b, const BITS: usize, P: Predict, Q: Quantise>(
-    pose: &mut [I16F16],
-    states: &mut [State],
-    predict: &P,
-    quantise: &Q,
+/// Channels whose codes all have `BITS` bits.
+fn equal<'b, const BITS: usize, P: Predict + Default, Q: OfCodec>(
+    lanes: &mut Lanes<'_>,
+    codec: &Codec<'_>,
     codes: &'b [u8],
 ) -> Option<&'b [u8]> {
-    let (octets, last) = pose.as_chunks_mut::<OCTET>();
-    let (octets_states, last_states) = states.as_chunks_mut::<OCTET>();
-    // In 16 bits, so that the compiler sees that the product does not wrap, and need not divide by the width.
-    let count = octets.len() as u16;
-    let (whole, rest) = codes.split_at_checked(usize::from(count).wrapping_mul(BITS))?;
-    let (whole, _) = whole.as_chunks::<BITS>();
-    for ((octet, states), codes) in octets.iter_mut().zip(octets_states).zip(whole) {
-        // Arrays: this loop is unrolled, and each code is at a place that the compiler knows.
-        for (lane, (value, state)) in (0..OCTET).zip(octet.iter_mut().zip(states)) {
-            next(value, state, predict, quantise, field(codes, lane), BITS as u8);
+    let quantise = Q::of(codec)?;
+    // All slices are cut to one number of octets, in 16 bits, so that the compiler need not look which ends first.
+    let count = usize::from((lanes.pose.len() / OCTET) as u16);
+    let channels = count.wrapping_mul(OCTET);
+    let (pose, last) = lanes.pose.split_at_mut_checked(channels)?;
+    let (states, last_states) = lanes.states.split_at_mut_checked(channels)?;
+    let (whole, rest) = codes.split_at_checked(count.wrapping_mul(BITS))?;
+    let (pose, states, whole) =
+        (pose.as_chunks_mut::<OCTET>().0, states.as_chunks_mut::<OCTET>().0, whole.as_chunks::<BITS>().0);
+    if (BYTES_ONLY && (5..8).contains(&BITS)) || Q::KEEPS {
+        for ((values, states), codes) in pose.iter_mut().zip(states).zip(whole) {
+            apart::<BITS, P, Q>(values, states, codes, quantise);
+        }
+    } else {
+        for ((values, states), codes) in pose.iter_mut().zip(states).zip(whole) {
+            octet::<BITS, P, Q>(values, states, codes, quantise);
         }
     }
     if last.is_empty() {
         return Some(rest);
     }
-    let (now, left) = rest.split_at_checked(last.len().wrapping_mul(BITS).wrapping_add(7) >> 3)?;
-    let mut buffer = [0; OCTET];
-    self::whole::<BITS>(&mut buffer, now);
-    for ((value, state), code) in last.iter_mut().zip(last_states).zip(buffer) {
-        next(value, state, predict, quantise, code, BITS as u8);
+    let after = rest.get(last.len().wrapping_mul(BITS).wrapping_add(7) >> 3..)?;
+    // Bytes behind the last code are any: only at a block's end there may be none.
+    match rest.first_chunk::<BITS>() {
+        Some(octet) => last_octet::<BITS, P, Q>(last, last_states, octet, quantise),
+        None => last_octet::<BITS, P, Q>(last, last_states, &filled(rest), quantise),
     }
-    Some(left)
+    Some(after)
+}
+
+/// Octets in a function of their own, where pointers are all that the registers have to hold.
+#[inline(never)]
+fn apart<const BITS: usize, P: Predict + Default, Q: Quantise>(
+    values: &mut [I16F16; OCTET],
+    states: &mut [State; OCTET],
+    codes: &[u8; BITS],
+    quantise: &Q,
+) {
+    octet::<BITS, P, Q>(values, states, codes, quantise);
+}
+
+/// Eight channels.
+#[inline(always)]
+fn octet<const BITS: usize, P: Predict + Default, Q: Quantise>(
+    values: &mut [I16F16; OCTET],
+    states: &mut [State; OCTET],
+    codes: &[u8; BITS],
+    quantise: &Q,
+) {
+    // Arrays: this loop is unrolled, and each code is at a place that the compiler knows.
+    for (lane, (value, state)) in (0..OCTET).zip(values.iter_mut().zip(states)) {
+        next(value, state, &P::default(), quantise, field(codes, lane), BITS as u8);
+    }
+}
+
+/// The channels after the last whole octet, fewer than eight.
+#[inline(never)]
+fn last_octet<const BITS: usize, P: Predict + Default, Q: Quantise>(
+    values: &mut [I16F16],
+    states: &mut [State],
+    codes: &[u8; BITS],
+    quantise: &Q,
+) {
+    // Measured: only where codes take few registers is it faster to look once whether there are four.
+    let four = (values.split_first_chunk_mut::<4>(), states.split_first_chunk_mut::<4>());
+    if BITS == 4
+        && let (Some((now, later)), Some((states_now, states_later))) = four
+    {
+        for (lane, (value, state)) in (0..4).zip(now.iter_mut().zip(states_now)) {
+            next(value, state, &P::default(), quantise, field(codes, lane), BITS as u8);
+        }
+        one_by_one::<4, BITS, P, Q>(later, states_later, codes, quantise);
+    } else {
+        one_by_one::<0, BITS, P, Q>(values, states, codes, quantise);
+    }
+}
+
+/// Channels from lane `FIRST` to at most the one before the last.
+#[inline(always)]
+fn one_by_one<const FIRST: usize, const BITS: usize, P: Predict + Default, Q: Quantise>(
+    values: &mut [I16F16],
+    states: &mut [State],
+    codes: &[u8; BITS],
+    quantise: &Q,
+) {
+    let Some(states) = states.get_mut(..values.len()) else { return };
+    for at in 0..OCTET.wrapping_sub(FIRST).wrapping_sub(1) {
+        let (Some(value), Some(state)) = (values.get_mut(at), states.get_mut(at)) else { break };
+        next(value, state, &P::default(), quantise, field(codes, FIRST.wrapping_add(at)), BITS as u8);
+    }
 }
 
 /// A channel's next value, after a code.

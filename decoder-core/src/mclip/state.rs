@@ -2,7 +2,7 @@
 
 use super::codec::{Adpcm, Codec};
 use super::record::Channel;
-use crate::quantise::{Grid, step};
+use crate::quantise::{Grid, Step, step};
 
 /// A channel between frames, in 12 bytes. Its last value is in the pose.
 ///
@@ -12,8 +12,8 @@ use crate::quantise::{Grid, step};
 pub struct State {
     /// What the quantiser keeps: a step in words; or, where it adapts, the step's index in the lowest byte, and above it
     /// that of the first step.
-    pub(super) step: i32,
-    /// What the predictor keeps: the value before the last one (second order), the leak (first order), the value that
+    pub(super) step: Step,
+    /// What the predictor keeps: the value before the last one (second order), the leak with its sign changed (first order), the value that
     /// is predicted (pcm), or the coefficients (adaptive).
     pub(super) second: i32,
     /// In the lowest five bits those of a code, in the six above those of a value at an entry point, then the places
@@ -28,7 +28,7 @@ pub struct State {
 
 impl State {
     /// What memory holds before a decoder uses it.
-    pub const EMPTY: Self = Self { step: 0, second: 0, widths: 0, coefficient: 0, context: 0 };
+    pub const EMPTY: Self = Self { step: Step::of(0), second: 0, widths: 0, coefficient: 0, context: 0 };
 
     /// What a channel's record says.
     pub(super) fn of(codec: &Codec<'_>, channel: &Channel<'_>) -> Self {
@@ -40,17 +40,17 @@ impl State {
                 let grid = Grid { low, mantissa: coefficient, exponent: index };
                 (grid.step(), grid.middle(bits))
             }
-            Codec::MuLaw(_) | Codec::Dpcm { order: 1 } => (size, coefficient.into()),
-            Codec::Adpcm(Adpcm { quantiser, .. }) if quantiser.adapts() => {
-                (i32::from_le_bytes([index, index, 0, 0]), 0)
+            Codec::MuLaw(_) | Codec::Dpcm { order: 1 } => {
+                (size, i32::from(coefficient.max(-i16::MAX)).wrapping_neg())
             }
+            Codec::Adpcm(Adpcm { quantiser, .. }) if quantiser.adapts() => (quantiser.step(index).word(), 0),
             _ => (size, 0),
         };
         let widths = u16::from(bits)
             | u16::from(entry_bits).wrapping_shl(BITS_WIDTH)
             | u16::from(entry_shift).wrapping_shl(BITS_WIDTH.wrapping_add(ENTRY_BITS_WIDTH));
         let coefficient = coefficient.clamp(i8::MIN.into(), i8::MAX.into()) as i8;
-        Self { step, second, widths, coefficient, context: 0 }
+        Self { step: Step::of(step), second, widths, coefficient, context: 0 }
     }
 
     /// Bits of the channel's code; a channel of 0 bits keeps its value.
@@ -68,13 +68,12 @@ impl State {
 
     /// What the quantiser keeps.
     pub const fn step(&self) -> i32 {
-        self.step
+        self.step.word()
     }
 
     /// Back to the first step.
     pub(super) const fn reset_step(&mut self) {
-        let [_, first, ..] = self.step.to_le_bytes();
-        self.step = i32::from_le_bytes([first, first, 0, 0]);
+        self.step.reset();
     }
 }
 

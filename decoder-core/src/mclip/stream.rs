@@ -144,7 +144,7 @@ impl<'a, 's> Stream<'a, 's> {
                 }
                 Expect::Frames { cursor, codes } => {
                     let bytes = self.buffer.get(..*codes).unwrap_or_default();
-                    if cursor.next(&mut self.engine, bytes)? {
+                    if cursor.next_plain(&mut self.engine, bytes)? || cursor.next(&mut self.engine, bytes)? {
                         self.position = self.position.saturating_add(1);
                         return Ok(true);
                     }

@@ -5,12 +5,12 @@
 //! bounded, so the step is.
 
 use super::step::{MAX_STEP, SIZES};
-use super::{Quantise, Uniform};
+use super::{Quantise, Step, Uniform};
 
 /// Classes of codes, each with a multiplier: sixteenths of all codes of a width.
 pub const CLASSES: usize = 16;
 
-/// What a clip fixes for all channels. A channel's step is its index, in the lowest byte; what is above it stays.
+/// What a clip fixes for all channels. A channel's step is its index, counted from the lowest one, in the lower half of a word.
 ///
 /// A code costs three look-ups and a multiply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,22 +19,33 @@ pub struct Adaptive {
     pub multipliers: [i8; CLASSES],
     /// Lowest index of a step.
     pub low: u8,
-    /// Highest index of a step.
+    /// Highest index of a step, not below the lowest.
     pub high: u8,
+    /// The highest index from the lowest one on.
+    range: u8,
     /// Whether it can change a step.
     adapts: bool,
+    /// The sizes from the lowest step on.
+    sizes: &'static [i32; 256],
 }
 
 impl Adaptive {
     /// A quantiser with these multipliers and bounds.
     pub fn new(multipliers: [i8; CLASSES], low: u8, high: u8) -> Self {
         let adapts = multipliers.iter().any(|&by| by != 0) || low > 0 || high < MAX_STEP;
-        Self { multipliers, low, high, adapts }
+        let sizes = SIZES.get(usize::from(low)..).and_then(<[i32]>::first_chunk).unwrap_or(&[0; 256]);
+        Self { multipliers, low, high, range: high.saturating_sub(low), adapts, sizes }
     }
 
     /// Whether it can change a step.
     pub const fn adapts(&self) -> bool {
         self.adapts
+    }
+
+    /// The step with this index, brought between the bounds.
+    pub fn step(&self, index: u8) -> Step {
+        let index = index.min(self.high).max(self.low).wrapping_sub(self.low);
+        Step::first(index)
     }
 
     /// The class of a code: its first four bits; zeros stand for bits that it has not. So with four bits each code has a
@@ -46,15 +57,23 @@ impl Adaptive {
 }
 
 impl Quantise for Adaptive {
+    const KEEPS: bool = true;
+
     #[inline(always)]
-    fn difference(&self, code: i32, step: &mut i32, bits: u8) -> i32 {
-        let index = *step as u8;
+    fn difference(&self, code: i32, step: &mut Step, bits: u8) -> i32 {
+        let Step([kept, ..]) = step;
+        let index = *kept;
         let by = self.multipliers.get(Self::class(code, bits)).copied().unwrap_or(0);
-        // At most 127 from a byte: bounds of bytes bring it back into one.
-        let next = i32::from(index).wrapping_add(i32::from(by));
-        let next = next.min(self.high.into()).max(self.low.into());
-        // As a byte, which Cortex-M4 puts in its place with one instruction.
-        *step = (*step & !0xff) | i32::from(next as u8);
+        let range = u32::from(self.range);
+        let next = i32::from(index).wrapping_add(by.into());
+        // One comparison where it is between the bounds.
+        *kept = if next.cast_unsigned() <= range {
+            next as u8
+        } else if next < 0 {
+            0
+        } else {
+            self.range
+        };
         self.size(index.into()).wrapping_mul(code)
     }
 
@@ -64,7 +83,7 @@ impl Quantise for Adaptive {
 
     #[inline(always)]
     fn size(&self, step: i32) -> i32 {
-        SIZES.get(usize::from(step as u8)).copied().unwrap_or(0)
+        self.sizes.get(usize::from(step as u8)).copied().unwrap_or(0)
     }
 }
 
@@ -90,14 +109,15 @@ mod tests {
                 for index in (low..=high).step_by(stride(67)) {
                     for bits in 1..=8u8 {
                         for code in -(1 << (bits - 1))..1i32 << (bits - 1) {
-                            let mut step = i32::from(index);
+                            let mut step = quantiser.step(index);
                             let difference = quantiser.difference(code, &mut step, bits);
                             let exact = i64::from(code) * i64::from(size(index));
                             assert_eq!(difference, exact as i32, "wraps");
                             let class = (code * 16).div_euclid(1 << bits).rem_euclid(16) as usize;
                             let next = (i64::from(index) + i64::from(multipliers[class]))
                                 .clamp(low.into(), high.into());
-                            assert_eq!(i64::from(step), next);
+                            assert_eq!(i64::from(step.0[0]) + i64::from(low), next);
+                            assert_eq!(step.0[1], index - low, "the first one stays");
                             transitions += 1;
                         }
                     }
@@ -110,10 +130,10 @@ mod tests {
     #[test]
     fn the_nearest_code_to_a_codes_difference_is_that_code() {
         let quantiser = Adaptive::new([3; CLASSES], 0, MAX_STEP);
-        for index in [0, 40, 99, 160] {
+        for step in [0, 40, 99, 160].map(|index| quantiser.step(index)) {
             for code in -16..16 {
-                let difference = quantiser.difference(code, &mut { index }, 5);
-                assert_eq!(quantiser.nearest(difference, index, 5), code);
+                let difference = quantiser.difference(code, &mut { step }, 5);
+                assert_eq!(quantiser.nearest(difference, step.word(), 5), code);
             }
         }
     }
@@ -124,10 +144,10 @@ mod tests {
         let multipliers = [-9, -3, 0, 1, 2, 5, 9, 127, -128, 9, 5, 2, 1, 0, -3, -9];
         let quantiser = Adaptive::new(multipliers, 10, 190);
         for bits in 9..=16u8 {
-            let mut step = 100;
+            let mut step = quantiser.step(100);
             for code in (-(1 << (bits - 1))..1i32 << (bits - 1)).step_by(stride(509)) {
                 quantiser.difference(code, &mut step, bits);
-                assert!((10..=190).contains(&step));
+                assert!((0..=180).contains(&step.0[0]));
             }
         }
     }

@@ -3,7 +3,7 @@
 //! QMD (VRST 2005) gives all channels one table. Here a channel scales it by its step, so that a table fits the
 //! movement of joints that a difference causes rather than the difference's own size.
 
-use super::Quantise;
+use super::{Quantise, Step};
 use crate::arithmetic::{scale, signed, unsigned};
 
 /// Differences in 4096ths of a step, signed, little-endian; codes 0, −1, 1, −2, 2 … are the entries 0, 1, 2, 3, 4 …
@@ -29,16 +29,16 @@ impl<'a> Lookup<'a> {
 
 impl Quantise for Lookup<'_> {
     #[inline(always)]
-    fn difference(&self, code: i32, step: &mut i32, _: u8) -> i32 {
+    fn difference(&self, code: i32, step: &mut Step, _: u8) -> i32 {
         let level = self.levels.get(unsigned(code) as usize).map_or(0, |&level| i16::from_le_bytes(level));
-        scale(*step, level).wrapping_shl(4)
+        scale(step.word(), level).wrapping_shl(4)
     }
 
     fn nearest(&self, difference: i32, step: i32, bits: u8) -> i32 {
         let mut best = (u32::MAX, 0);
         for symbol in 0..1u32.wrapping_shl(bits.into()).min(self.levels.len() as u32) {
             let code = signed(symbol);
-            let off = self.difference(code, &mut { step }, bits).abs_diff(difference);
+            let off = self.difference(code, &mut Step::of(step), bits).abs_diff(difference);
             if off < best.0 {
                 best = (off, code);
             }
@@ -60,10 +60,10 @@ mod tests {
             for part in (i16::MIN..=i16::MAX).step_by(stride(509)) {
                 let bytes = part.to_le_bytes();
                 let table = Lookup::new(&bytes).unwrap();
-                let found = table.difference(0, &mut { step }, 8);
+                let found = table.difference(0, &mut Step::of(step), 8);
                 let exact = ((i64::from(step) * i64::from(part)) >> 16) << 4;
                 assert_eq!(found, exact as i32);
-                assert_eq!(table.difference(-1, &mut { step }, 8), 0);
+                assert_eq!(table.difference(-1, &mut Step::of(step), 8), 0);
             }
         }
     }

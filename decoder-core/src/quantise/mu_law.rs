@@ -8,7 +8,7 @@
 //! The levels are those of the clip's header, in 65536ths of θ_MAX, so any μ, or any other law, decodes without a
 //! logarithm. Levels of N/2 steps are every second of those of N, so one table serves all widths up to its own.
 
-use super::Quantise;
+use super::{Quantise, Step};
 use crate::arithmetic::scale;
 
 /// Most levels in a table: those of a code of nine bits.
@@ -54,14 +54,14 @@ impl<'a> MuLaw<'a> {
 
 impl Quantise for MuLaw<'_> {
     #[inline(always)]
-    fn difference(&self, code: i32, step: &mut i32, bits: u8) -> i32 {
+    fn difference(&self, code: i32, step: &mut Step, bits: u8) -> i32 {
         // All bits set for negative codes.
         let sign = code >> 31;
         let index = (code ^ sign).cast_unsigned();
         let sum = self.level(index, bits).wrapping_add(self.level(index.wrapping_add(1), bits));
         // A quarter of the sum of two 65536ths: the middle, in 32768ths.
         let middle = (sum >> 2).min(0x7fff) as i16;
-        let value = scale(*step, middle).wrapping_shl(1);
+        let value = scale(step.word(), middle).wrapping_shl(1);
         (value ^ sign).wrapping_sub(sign)
     }
 
@@ -107,7 +107,8 @@ mod tests {
                         let at = |i: u32| ((1.0 + mu).powf(f64::from(i) / half) - 1.0) / mu * most;
                         let middle = (at(symbol / 2) + at(symbol / 2 + 1)) / 2.0;
                         let expected = if symbol % 2 == 0 { middle } else { -middle };
-                        let found = f64::from(law.difference(signed(symbol), &mut size(step), bits));
+                        let found =
+                            f64::from(law.difference(signed(symbol), &mut Step::of(size(step)), bits));
                         // A 65536th for the levels' rounding, a 32768th for the middle's.
                         assert!(
                             (found - expected).abs() <= most / 16384.0 + 3.0,
@@ -123,7 +124,7 @@ mod tests {
     fn steps_are_narrowest_about_zero() {
         let levels = levels(255.0, 128);
         let law = MuLaw::new(&levels).unwrap();
-        let values: Vec<i32> = (0..32).map(|m| law.difference(m, &mut size(140), 6)).collect();
+        let values: Vec<i32> = (0..32).map(|m| law.difference(m, &mut Step::of(size(140)), 6)).collect();
         let gaps: Vec<i32> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
         assert!(gaps.windows(2).all(|pair| pair[0] <= pair[1]), "{gaps:?}");
         assert!(gaps[30] > 100 * gaps[0], "{gaps:?}");
@@ -136,7 +137,7 @@ mod tests {
         for bits in 1..=5 {
             let half = 1 << (bits - 1);
             for code in -half..half {
-                let value = law.difference(code, &mut size(90), bits);
+                let value = law.difference(code, &mut Step::of(size(90)), bits);
                 if value != 0 {
                     assert_eq!(law.nearest(value, size(90), bits), code, "{bits} {value}");
                 }

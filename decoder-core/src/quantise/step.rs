@@ -35,15 +35,15 @@ pub const fn size(index: u8) -> i32 {
     mantissa.wrapping_shr(28u32.wrapping_sub((index >> 3) as u32)).cast_signed()
 }
 
-/// The sizes of all indices.
-pub(super) static SIZES: [i32; 256] = {
-    let mut sizes = [0; 256];
+/// The sizes of all indices, and of more: 256 from any index of a step on.
+pub(super) static SIZES: [i32; MAX_STEP as usize + 256] = {
+    let mut sizes = [0; MAX_STEP as usize + 256];
     let mut index = 0u8;
     let mut rest = sizes.as_mut_slice();
     while let Some((first, others)) = rest.split_first_mut() {
         *first = size(index);
         rest = others;
-        index = index.wrapping_add(1);
+        index = index.saturating_add(1);
     }
     sizes
 };

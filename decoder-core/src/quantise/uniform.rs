@@ -1,6 +1,6 @@
 //! Uniform quantisers: of values between two limits (7-4), and of differences about zero.
 
-use super::Quantise;
+use super::{Quantise, Step};
 
 /// Values between two limits θ_L and θ_U in N steps of Δ = (θ_U − θ_L) / N: decision levels d_i = θ_L + i·Δ (7-4),
 /// reconstruction in the middle of two of them (7-3).
@@ -65,8 +65,8 @@ pub struct Uniform;
 
 impl Quantise for Uniform {
     #[inline(always)]
-    fn difference(&self, code: i32, step: &mut i32, _: u8) -> i32 {
-        step.wrapping_mul(code)
+    fn difference(&self, code: i32, step: &mut Step, _: u8) -> i32 {
+        step.word().wrapping_mul(code)
     }
 
     fn nearest(&self, difference: i32, step: i32, bits: u8) -> i32 {
@@ -100,7 +100,7 @@ mod tests {
                 for code in codes(bits).step_by(stride(13)) {
                     let above = i64::from(code) + (1 << (bits - 1));
                     let value = i64::from(low) + above * i64::from(grid.step()) + i64::from(grid.step() / 2);
-                    let difference = Uniform.difference(code, &mut grid.step(), bits);
+                    let difference = Uniform.difference(code, &mut Step::of(grid.step()), bits);
                     assert_eq!(grid.middle(bits).wrapping_add(difference), value as i32);
                     if i64::from(difference) == i64::from(code) * i64::from(grid.step()) {
                         assert_eq!(Uniform.nearest(difference, grid.step(), bits), code);
@@ -124,9 +124,9 @@ mod tests {
                 low.wrapping_add((random.next() % (low.abs_diff(high).saturating_add(1)).max(1)) as i32);
             let middle = grid.middle(bits);
             let Some(difference) = value.checked_sub(middle) else { continue };
-            let mut step = grid.step();
+            let step = grid.step();
             let code = Uniform.nearest(difference, step, bits);
-            let found = i64::from(middle) + i64::from(Uniform.difference(code, &mut step, bits));
+            let found = i64::from(middle) + i64::from(Uniform.difference(code, &mut Step::of(step), bits));
             // Differences of half of all words wrap.
             if i32::try_from(i64::from(code) * i64::from(step)).is_ok() {
                 let error = (found - i64::from(value)).abs();
@@ -152,7 +152,7 @@ mod tests {
             for bits in 1..=8 {
                 for code in codes(bits) {
                     let exact = i64::from(step) * i64::from(code);
-                    let difference = Uniform.difference(code, &mut { step }, bits);
+                    let difference = Uniform.difference(code, &mut Step::of(step), bits);
                     assert_eq!(difference, exact as i32, "wraps");
                     if i64::from(difference) == exact {
                         assert_eq!(Uniform.nearest(difference, step, bits), code);

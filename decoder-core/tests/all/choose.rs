@@ -3,7 +3,7 @@
 use crate::common::{LIMITS, Lent, header_bytes, vectors};
 use decoder_core::I16F16;
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockHeader, Choose, Clip, Engine, State};
-use decoder_core::quantise::Quantise;
+use decoder_core::quantise::{Quantise, Step};
 
 /// An encoder without a plan: every channel gets the code that is nearest to its value.
 struct Nearest<'f> {
@@ -33,7 +33,7 @@ impl Choose for Nearest<'_> {
         self.largest = self.largest.max(quantiser.size(state.step()));
         let difference = self.frame[channel].to_bits().wrapping_sub(predicted);
         let code = quantiser.nearest(difference, state.step(), state.bits());
-        self.wrapped |= quantiser.difference(code, &mut state.step(), state.bits()) != difference;
+        self.wrapped |= quantiser.difference(code, &mut Step::of(state.step()), state.bits()) != difference;
         code
     }
 }

@@ -48,7 +48,8 @@ pub enum Predictor {
     Second,
     /// Second order, adapted by the decoder (7-15 to 7-18); only adpcm has it.
     Adaptive {
-        /// 1 to 14: the exponential window has 2 to this power frames; 15 to 120: the sliding window has so many.
+        /// 1 to 6: the exponential window has 2 to this power frames; 15 to 120: the sliding window has so many, at most
+        /// 8 · 2^period.
         window: u8,
         /// Coefficients are solved for every 2 to this power frames.
         period: u8,
