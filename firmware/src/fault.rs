@@ -109,6 +109,10 @@ impl fmt::Display for Fault {
 /// Time in ms after which what stays wrong is a fault: with the braking that follows, a defined state is reached within 100.
 pub const PATIENCE_MILLIS: u16 = 60;
 
+/// Ticks without a reading after which a servo's goal stands still until it is read again, and ticks of movement that its goal
+/// may then be away from it. One lost answer is noise, and stops nothing.
+pub const UNHEARD_TICKS: u8 = 2;
+
 /// What a tick has shown, for the next one.
 #[derive(Clone, Copy, Debug)]
 pub struct Feedback<'a> {
@@ -128,6 +132,7 @@ pub struct Watch<const N: usize> {
     patience: u8,
     silent: Vec<u8, N>,
     low: Vec<u8, N>,
+    any_missed: bool,
     any_lost: bool,
     any_slack: bool,
     dead: u8,
@@ -143,11 +148,27 @@ impl<const N: usize> Watch<N> {
             patience: ticks.clamp(1, 60) as u8,
             silent: none(),
             low: none(),
+            any_missed: false,
             any_lost: false,
             any_slack: false,
             dead: 0,
             late: 0,
         }
+    }
+
+    /// Whether any servo that can be read was silent in the last tick.
+    pub const fn any_missed(&self) -> bool {
+        self.any_missed
+    }
+
+    /// Whether a servo that can be read was silent in the last tick.
+    pub fn missed(&self, servo: usize) -> bool {
+        self.silent.get(servo).is_some_and(|&silent| silent > 0)
+    }
+
+    /// Whether a servo has been silent for [`UNHEARD_TICKS`].
+    pub fn unheard(&self, servo: usize) -> bool {
+        self.silent.get(servo).is_some_and(|&silent| silent >= UNHEARD_TICKS)
     }
 
     /// Whether any servo has been silent for so long that it may be anywhere.
@@ -182,7 +203,7 @@ impl<const N: usize> Watch<N> {
     ) -> Option<Fault> {
         let patience = self.patience;
         let mut fault = None;
-        (self.any_lost, self.any_slack) = (false, false);
+        (self.any_missed, self.any_lost, self.any_slack) = (false, false, false);
         let counted = |count: &mut u8, wrong: bool| {
             *count = if wrong { count.saturating_add(1) } else { 0 };
             *count >= patience
@@ -213,6 +234,7 @@ impl<const N: usize> Watch<N> {
                 }
             } else {
                 let gone = counted(silent, reads(index));
+                self.any_missed |= *silent > 0;
                 self.any_lost |= gone;
                 gone.then_some(Fault::Silent { servo })
             };

@@ -39,6 +39,11 @@ impl Limits {
     pub const fn max(&self) -> i32 {
         self.max
     }
+
+    /// Largest change of a goal from one tick to the next, fine.
+    pub const fn max_velocity(&self) -> i32 {
+        self.max_velocity
+    }
 }
 
 /// What braking from `velocity` takes at most, the tick at that speed included, times twice `change`: a parabola and

@@ -6,6 +6,7 @@
 pub mod blocking;
 mod both;
 pub mod mixed;
+pub(crate) mod pending;
 pub mod port;
 pub(crate) mod roll;
 

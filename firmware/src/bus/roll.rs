@@ -21,7 +21,7 @@ pub(crate) trait Ask {
     }
 
     /// Reads the servos at these places of `ids`, all ready; what answers is entered. May stop at the first that does
-    /// not answer.
+    /// not answer. As it is here, for protocols without a joint read: [`one_by_one`](Self::one_by_one).
     ///
     /// # Errors
     /// Why, when none answered.
@@ -30,7 +30,34 @@ pub(crate) trait Ask {
         ids: &[u8],
         places: &[u8],
         readings: &mut [Option<Reading>],
-    ) -> Result<(), BusError>;
+    ) -> Result<(), BusError> {
+        self.one_by_one(ids, places, readings).await
+    }
+
+    /// Reads them one after the other, up to the first that does not answer: silence costs a timeout, and the roll call
+    /// decides who is asked again.
+    ///
+    /// # Errors
+    /// Why, when none answered.
+    async fn one_by_one(
+        &mut self,
+        ids: &[u8],
+        places: &[u8],
+        readings: &mut [Option<Reading>],
+    ) -> Result<(), BusError> {
+        let mut result = Err(BusError::TooMany);
+        for index in places.iter().copied().map(usize::from) {
+            let (Some(&id), Some(slot)) = (ids.get(index), readings.get_mut(index)) else { break };
+            match self.alone(id, index).await {
+                Ok(reading) => {
+                    *slot = Some(reading);
+                    result = Ok(());
+                }
+                Err(error) => return result.or(Err(error)),
+            }
+        }
+        result
+    }
 
     /// Reads one servo, after setting it up if it is not ready: [`SET_UP_EXCHANGES`] exchanges at most, else one.
     async fn alone(&mut self, id: u8, index: usize) -> Result<Reading, BusError>;

@@ -7,6 +7,7 @@
 use super::crc;
 use super::instruction::{BROADCAST_ID, Instruction};
 use super::packet::{HEADER, OVERHEAD, PREFIX, Packet, unstuff};
+use crate::bus::pending::{Pending, Span};
 use core::fmt;
 
 /// Why bytes that began like a packet are not one.
@@ -61,10 +62,7 @@ impl core::error::Error for FrameError {}
 /// ```
 #[derive(Debug)]
 pub struct Framer<const N: usize> {
-    buffer: [u8; N],
-    /// `start..end` of the buffer is received and not yet given out.
-    start: usize,
-    end: usize,
+    pending: Pending<N>,
 }
 
 impl<const N: usize> Default for Framer<N> {
@@ -78,12 +76,12 @@ impl<const N: usize> Framer<N> {
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(N >= OVERHEAD, "a framer must hold at least a packet without parameters") };
-        Self { buffer: [0; N], start: 0, end: 0 }
+        Self { pending: Pending::new() }
     }
 
     /// Forgets what is not yet given out.
     pub fn clear(&mut self) {
-        (self.start, self.end) = (0, 0);
+        self.pending.clear();
     }
 
     /// Takes bytes from the front of `input` and returns the next packet; `None` once all bytes are taken and no
@@ -93,7 +91,7 @@ impl<const N: usize> Framer<N> {
     /// imitates headers costs a checksum over up to `N` bytes for each imitation.
     pub fn feed(&mut self, input: &mut &[u8]) -> Option<Result<Packet<'_>, FrameError>> {
         let found = loop {
-            self.take(input);
+            self.pending.take(input);
             if let Some(found) = self.scan(false) {
                 break found;
             }
@@ -111,59 +109,30 @@ impl<const N: usize> Framer<N> {
         Some(found.and_then(|span| self.packet(span)))
     }
 
-    /// Moves what is pending to the front and appends what fits of `input`.
-    fn take(&mut self, input: &mut &[u8]) {
-        if input.is_empty() {
-            return;
-        }
-        if self.start > 0 {
-            if let Some(used) = self.buffer.get_mut(..self.end)
-                && self.start <= used.len()
-            {
-                used.copy_within(self.start.., 0);
-            }
-            self.end -= self.start;
-            self.start = 0;
-        }
-        let free = self.buffer.get_mut(self.end..).unwrap_or_default();
-        let count = free.len().min(input.len());
-        let (now, later) = input.split_at(count);
-        for (slot, &byte) in free.iter_mut().zip(now) {
-            *slot = byte;
-        }
-        self.end += count;
-        *input = later;
-    }
-
-    /// Start and length of the next packet, which then no longer is pending. `last`: no byte will follow.
-    fn scan(&mut self, last: bool) -> Option<Result<(usize, usize), FrameError>> {
+    /// The next packet, which then no longer is pending. `last`: no byte will follow.
+    fn scan(&mut self, last: bool) -> Option<Result<Span, FrameError>> {
         loop {
-            let pending = self.buffer.get(self.start..self.end)?;
-            let skipped = to_header(pending);
-            self.start += skipped;
-            let pending = pending.get(skipped..)?;
+            self.pending.skip(to_header(self.pending.bytes()));
+            let pending = self.pending.bytes();
             let complete = match pending {
-                [_, _, _, _, _, low, high, ..] => self.check(pending, u16::from_le_bytes([*low, *high])),
+                [_, _, _, _, _, low, high, ..] => Self::check(pending, u16::from_le_bytes([*low, *high])),
                 _ => None,
             };
+            let left = pending.len();
             match complete {
-                Some(Ok(len)) => {
-                    let start = self.start;
-                    self.start += len;
-                    return Some(Ok((start, len)));
-                }
+                Some(Ok(len)) => return Some(Ok(self.pending.give(len))),
                 Some(Err(error)) => {
-                    self.start += HEADER.len();
+                    self.pending.skip(HEADER.len());
                     return Some(Err(error));
                 }
-                None if last && !pending.is_empty() => self.start += HEADER.len().min(pending.len()),
+                None if last && left > 0 => self.pending.skip(HEADER.len().min(left)),
                 None => return None,
             }
         }
     }
 
     /// Length in bytes of the packet that `pending` starts with; `None` when more bytes are needed.
-    fn check(&self, pending: &[u8], length: u16) -> Option<Result<usize, FrameError>> {
+    fn check(pending: &[u8], length: u16) -> Option<Result<usize, FrameError>> {
         let len = PREFIX + usize::from(length);
         if len < OVERHEAD {
             return Some(Err(FrameError::TooShort { length }));
@@ -180,9 +149,9 @@ impl<const N: usize> Framer<N> {
         Some(Ok(len))
     }
 
-    /// The checked packet at `start..start + len`, stuffing removed.
-    fn packet(&mut self, (start, len): (usize, usize)) -> Result<Packet<'_>, FrameError> {
-        let bytes = self.buffer.get_mut(start..start + len).unwrap_or_default();
+    /// The checked packet that is given out, stuffing removed.
+    fn packet(&mut self, span: Span) -> Result<Packet<'_>, FrameError> {
+        let bytes = self.pending.given(span);
         let [_, _, _, _, id, _, _, instruction, parameters @ .., _, _] = bytes else {
             return Err(FrameError::TooShort { length: 0 });
         };

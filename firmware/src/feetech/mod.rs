@@ -160,18 +160,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U
             };
             return self.client.sync_read(BLOCK, BLOCK_LEN as u8, &asked, each).await.map(drop);
         }
-        let mut result = Err(BusError::TooMany);
-        for index in places.iter().copied().map(usize::from) {
-            let (Some(&id), Some(slot)) = (ids.get(index), readings.get_mut(index)) else { break };
-            match self.alone(id, index).await {
-                Ok(reading) => {
-                    *slot = Some(reading);
-                    result = Ok(());
-                }
-                Err(error) => return result.or(Err(error)),
-            }
-        }
-        result
+        self.one_by_one(ids, places, readings).await
     }
 
     async fn alone(&mut self, id: u8, _index: usize) -> Result<Reading, BusError> {

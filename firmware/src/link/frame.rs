@@ -6,18 +6,15 @@
 
 use cobs::{DecodeResult, DecoderState};
 use core::fmt;
-use crc::{CRC_32_ISO_HDLC, Crc};
+use decoder_core::mclip::digest;
 use heapless::Vec;
 use postcard::ser_flavors::crc::CrcModifier;
 use postcard::ser_flavors::{Cobs, Slice};
 use serde::Serialize;
 
-/// The CRC of zlib and PNG, as in .mclip: reflected, polynomial 0x04C11DB7, initial value and final XOR 0xFFFFFFFF.
-static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
-
-/// The CRC-32 of bytes that come in parts: of frames and of uploads.
+/// The CRC-32 of bytes that come in parts, of frames and of uploads: that of .mclip, zlib and PNG.
 pub fn crc32<'b>(parts: impl IntoIterator<Item = &'b [u8]>) -> u32 {
-    let mut digest = CRC.digest();
+    let mut digest = digest();
     parts.into_iter().for_each(|part| digest.update(part));
     digest.finalize()
 }
@@ -38,7 +35,7 @@ pub const fn wire_len(message: usize) -> usize {
 /// Takes a pass over the message, a table look-up a byte.
 pub fn write<'b>(sequence: u16, message: &impl Serialize, buffer: &'b mut [u8]) -> Option<&'b mut [u8]> {
     let cobs = Cobs::try_new(Slice::new(buffer)).ok()?;
-    postcard::serialize_with_flavor(&(sequence, message), CrcModifier::new(cobs, CRC.digest())).ok()
+    postcard::serialize_with_flavor(&(sequence, message), CrcModifier::new(cobs, digest())).ok()
 }
 
 /// A frame that arrived whole.

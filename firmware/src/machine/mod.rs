@@ -23,16 +23,15 @@ use heapless::Vec;
 
 mod plan;
 mod rehearsal;
+mod start;
 #[cfg(test)]
 mod tests;
+mod unheard;
 #[cfg(test)]
 pub(crate) mod world;
 
 pub use plan::{Action, After, Command, Plan, Show, Start, State};
 pub use rehearsal::Rehearsal;
-
-/// Time in ms that servos have to come up before one counts as missing.
-const FIND_MILLIS: u16 = 1500;
 
 #[derive(Clone, Copy, Debug)]
 struct Servo {
@@ -42,6 +41,8 @@ struct Servo {
     from: i32,
     /// Whether it was told to hold.
     armed: bool,
+    /// Whether it was read in this tick, and not in the one before.
+    back: bool,
 }
 
 impl Servo {
@@ -85,6 +86,10 @@ pub struct Machine<'m, L: Library, const N: usize> {
     /// What is to be done as soon as the bus is free for it.
     rearm: bool,
     let_go: bool,
+    /// Whether the fault that is latched was acknowledged while the puppet still moved.
+    acknowledged: bool,
+    /// Whether a servo is read that was not in the last tick.
+    any_back: bool,
     /// The last plan's action.
     asked: Option<Action>,
 }
@@ -98,6 +103,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             limits: joint.limits(),
             from: 0,
             armed: false,
+            back: false,
         };
         Self {
             stage: Stage::new(map, library, show),
@@ -116,6 +122,8 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             ease_ticks: 0,
             rearm: false,
             let_go: false,
+            acknowledged: false,
+            any_back: false,
             asked: None,
             map,
         }
@@ -199,6 +207,10 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             State::Finding => self.find(feedback),
             State::Reading => self.read(feedback),
             State::Arming => self.arm(feedback),
+            State::Stopping if self.acknowledged && self.still() => {
+                self.acknowledge();
+                self.find(feedback)
+            }
             _ => self.restore(feedback),
         };
         // In a fault nothing moves that does not have to.
@@ -207,6 +219,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         }
         let idle = self.idle.tick(self.sways && self.moves_by_itself());
         self.act(idle);
+        self.stay_near(feedback);
         self.asked = action;
         // Servos that hold are told so while the others are looked for.
         let sends = match self.state {
@@ -230,15 +243,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     // ---- Faults
 
     fn look(&mut self, feedback: &Feedback<'_>) {
-        // A servo that comes back goes on from where it is, not from where it should be by now.
-        if self.watch.any_lost() {
-            for (index, (servo, reading)) in self.servos.iter_mut().zip(feedback.readings).enumerate() {
-                if let (true, Some(reading)) = (self.watch.lost(index), reading) {
-                    servo.limiter = Limiter::at(within(reading.position));
-                    servo.from = servo.limiter.position();
-                }
-            }
-        }
+        self.welcome(feedback);
         let (map, servos) = (self.map, &self.servos);
         let found = self.watch.examine(
             map.settings(),
@@ -272,9 +277,16 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     }
 
     fn acknowledge(&mut self) {
-        if self.fault.take().is_none() {
+        if self.fault.is_none() {
             return;
         }
+        // While servos are looked for nobody is read, so nobody moves.
+        self.acknowledged = !self.still();
+        if self.acknowledged {
+            self.state = State::Stopping;
+            return;
+        }
+        self.fault = None;
         // Those that nothing reaches are not where they would have been told to be.
         if self.watch.all_lost(|servo| self.map.reads(servo)) {
             self.disarm();
@@ -322,103 +334,6 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         });
         let watchdog = Action::Watchdog { millis: self.map.settings().servo_watchdog_millis };
         fallen.or(self.rearm.then_some(watchdog))
-    }
-
-    // ---- From power on to the first pose
-
-    /// Pings servo by servo. One with a hardware error is restarted, which is what clears it.
-    fn find(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
-        if let (Some(Action::Ping { servo }), Some(result)) = (self.asked, feedback.action) {
-            match result {
-                Ok(()) => self.servo = servo + 1,
-                Err(_) if self.waited < self.map.settings().ticks(FIND_MILLIS) => {}
-                Err(_) => {
-                    // The rest is looked for as well, so that it can be held.
-                    self.fault = self.fault.or(Some(Fault::Silent { servo: servo as u8 }));
-                    self.servo = servo + 1;
-                }
-            }
-        }
-        self.waited += 1;
-        if self.servo < self.servos.len() {
-            return Some(Action::Ping { servo: self.servo });
-        }
-        self.enter(State::Reading);
-        None
-    }
-
-    /// Waits for the positions of all servos that have them.
-    fn read(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
-        let map = self.map;
-        self.waited += 1;
-        let faulty = |index: usize| {
-            feedback.readings.get(index).copied().flatten().is_some_and(|reading| reading.hardware_error != 0)
-        };
-        let settings = self.map.settings();
-        let patient = self.waited < settings.ticks(FIND_MILLIS);
-        if let Some(servo) = (0..self.servos.len()).find(|&index| faulty(index))
-            && patient
-            && self.fault.is_none()
-        {
-            // Asked again only after it had the time to come back.
-            return (self.waited % settings.ticks(FIND_MILLIS / 3) == 1).then_some(Action::Reboot { servo });
-        }
-        let missing = (0..self.servos.len())
-            .find(|&index| map.reads(index) && feedback.readings.get(index).is_none_or(|r| r.is_none()));
-        match missing {
-            Some(_) if patient => return None,
-            Some(servo) => self.fault = self.fault.or(Some(Fault::Silent { servo: servo as u8 })),
-            None => {}
-        }
-        if self.fault.is_some() && settings.policy == Policy::TorqueOff {
-            self.let_go = true;
-            self.enter(State::Limp);
-            return None;
-        }
-        self.settle(feedback);
-        self.enter(State::Arming);
-        // Servos whose watchdog has bitten refuse goals.
-        (settings.servo_watchdog_millis > 0).then_some(Action::Watchdog { millis: 0 })
-    }
-
-    /// Takes servos that do not hold to be where they say they are.
-    fn settle(&mut self, feedback: &Feedback<'_>) {
-        for (servo, reading) in self.servos.iter_mut().zip(feedback.readings) {
-            if let Some(reading) = reading {
-                servo.armed &= reading.torque != Some(false);
-                if !servo.armed {
-                    servo.limiter = Limiter::at(within(reading.position));
-                }
-            }
-        }
-    }
-
-    /// Turns servo by servo on; those that are still off may be moved by hand.
-    fn arm(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
-        if let (Some(Action::TorqueOn { servo }), Some(result)) = (self.asked, feedback.action) {
-            match result {
-                Ok(()) => {
-                    if let Some(servo) = self.servos.get_mut(servo) {
-                        servo.armed = true;
-                    }
-                    (self.servo, self.waited) = (servo + 1, 0);
-                }
-                Err(_) if self.waited < 3 => {}
-                Err(error) => {
-                    self.fault = self.fault.or(Some(Fault::Refused { servo: servo as u8, error }));
-                    (self.servo, self.waited) = (servo + 1, 0);
-                }
-            }
-        }
-        self.waited += 1;
-        self.settle(feedback);
-        if self.servo < self.servos.len() {
-            return Some(Action::TorqueOn { servo: self.servo });
-        }
-        self.enter(if self.fault.is_some() { State::Stopping } else { State::Opening });
-        let millis = self.map.settings().servo_watchdog_millis;
-        self.rearm = millis > 0;
-        None
     }
 
     fn enter(&mut self, state: State) {
@@ -473,7 +388,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             State::Playing => self.play(idle),
             State::Stopping => {
                 self.hold();
-                if self.still() {
+                if self.still() && !self.acknowledged {
                     self.stopped(idle);
                 }
             }
@@ -544,7 +459,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     }
 
     fn still(&self) -> bool {
-        self.servos.iter().all(|servo| servo.limiter.velocity() == 0)
+        self.servos.iter().all(|servo| !servo.armed || servo.limiter.velocity() == 0)
     }
 
     fn hold(&mut self) {
@@ -583,13 +498,15 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         self.eased += 1;
         let last = self.eased >= self.ease_ticks;
         let path = (!last).then(|| least_jerk(Fraction::of(self.eased, self.ease_ticks)));
-        let mut there = true;
         for (servo, &to) in self.servos.iter_mut().zip(&self.wanted) {
             servo.go(path.map_or(to, |path| lerp(servo.from, to, path)));
-            let reachable = clamp(to, servo.limits.min(), servo.limits.max());
-            there &= !servo.armed || servo.limiter.position() == reachable;
         }
-        last && there
+        // One that is lost is not waited for.
+        let there = |(index, (servo, &to)): (usize, (&Servo, &i32))| {
+            let reachable = clamp(to, servo.limits.min(), servo.limits.max());
+            !servo.armed || servo.limiter.position() == reachable || self.watch.lost(index)
+        };
+        last && self.servos.iter().zip(&self.wanted).enumerate().all(there)
     }
 }
 

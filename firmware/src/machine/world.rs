@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::bus::{BusError, Reading};
+use crate::fault::UNHEARD_TICKS;
 use crate::map::{BusKind, BusSpec, Settings};
 use crate::voice::Frames;
 use decoder_core::{Error, Field, I16F16};
@@ -121,11 +122,15 @@ pub(crate) struct World<'m> {
     pub(crate) late: bool,
     pub(crate) action: Option<Result<(), BusError>>,
     pub(crate) actions: std::vec::Vec<Action>,
+    /// What the last tick read.
+    pub(crate) readings: [Option<Reading>; SERVOS],
     /// What each motor was told last, and how far that was from what it was told before.
-    pub(crate) velocity: HashMap<usize, [i32; 2]>,
     pub(crate) told: HashMap<usize, i32>,
-    /// Ticks in which nothing has reached each motor.
-    pub(crate) away: HashMap<usize, u32>,
+    pub(crate) velocity: [Option<i32>; SERVOS],
+    /// Motors that the last tick reached.
+    pub(crate) reached: [bool; SERVOS],
+    /// The longest way that a motor was told to go at once.
+    pub(crate) longest: i32,
     pub(crate) tick: u32,
     pub(crate) watched: Option<u16>,
 }
@@ -141,30 +146,35 @@ impl<'m> World<'m> {
             late: false,
             action: None,
             actions: std::vec::Vec::new(),
-            velocity: HashMap::new(),
+            readings: [None; SERVOS],
             told: HashMap::new(),
-            away: HashMap::new(),
+            velocity: [None; SERVOS],
+            reached: [false; SERVOS],
+            longest: 0,
             tick: 0,
             watched: None,
         }
     }
 
-    /// A tick, with what must hold in each.
-    pub(crate) fn tick(&mut self) {
-        let readings: std::vec::Vec<Option<Reading>> = self
-            .motors
-            .iter()
-            .map(|motor| {
-                (!motor.silent && self.bus.is_ok()).then_some(Reading {
-                    position: motor.position,
-                    temperature: Some(motor.temperature),
-                    millivolts: Some(12_000),
-                    load: None,
-                    hardware_error: motor.hardware_error,
-                    torque: Some(motor.torque),
-                })
+    /// Reads the motors.
+    pub(crate) fn read(&mut self) {
+        let bus = self.bus.is_ok();
+        self.readings = self.motors.map(|motor| {
+            (!motor.silent && bus).then_some(Reading {
+                position: motor.position,
+                temperature: Some(motor.temperature),
+                millivolts: Some(12_000),
+                load: None,
+                hardware_error: motor.hardware_error,
+                torque: Some(motor.torque),
             })
-            .collect();
+        });
+    }
+
+    /// A tick, with what must hold in each. As on a bus, motors are read after they were told: what happens between two ticks
+    /// happens between a reading and the next goal.
+    pub(crate) fn tick(&mut self) {
+        let readings = self.readings;
         let feedback =
             Feedback { readings: &readings, bus: self.bus, action: self.action.take(), late: self.late };
         let plan = self.machine.tick(&feedback);
@@ -172,48 +182,34 @@ impl<'m> World<'m> {
         for (index, goal) in goals.iter().enumerate() {
             let joint = joint(goal.id);
             let motor = &mut self.motors[index];
-            let last = self.told.insert(index, goal.position);
-            // A motor that is told for the first time, or again after a loss, is told to be where it is.
-            let begins = (goal.position - motor.position).abs() <= 7;
-            let reached = motor.torque && !motor.silent && self.bus.is_ok();
-            if !motor.torque {
-                self.velocity.remove(&index);
-            } else if let Some(last) = last {
-                // Of what it is told, and of the motor, which stands still while nothing reaches it.
-                let steps = [goal.position - last, goal.position - motor.position];
-                let before = self.velocity.get(&index).copied().unwrap_or([0; 2]);
-                let smooth = |way: usize| steps[way].abs() <= 61 && (steps[way] - before[way]).abs() <= 8;
-                // What it is told may only jump to where the motor goes on smoothly: it was lost and is found again.
-                assert!(
-                    smooth(0) || smooth(1),
-                    "servo {index}: {steps:?} after {before:?} at tick {}",
-                    self.tick
-                );
-                self.velocity.insert(index, [steps[0], if reached { steps[1] } else { 0 }]);
-                let inwards = last < joint.min && steps[0] >= 0 || last > joint.max && steps[0] <= 0;
-                assert!(begins || inwards || (joint.min..=joint.max).contains(&goal.position), "{goal:?}");
-            } else if reached {
-                assert!(begins, "servo {index} starts at {}, told {}", motor.position, goal.position);
-                self.velocity.insert(index, [goal.position - motor.position; 2]);
-            } else {
-                // What it was told before nobody knows.
-                self.told.remove(&index);
+            let reaches = motor.torque && !motor.silent && self.bus.is_ok();
+            let reached = std::mem::replace(&mut self.reached[index], reaches);
+            let (step, way) = (self.told.insert(index, goal.position), goal.position - motor.position);
+            let step = step.map(|last| goal.position - last);
+            let before = std::mem::replace(&mut self.velocity[index], step);
+            if !reaches {
+                continue;
             }
-            if reached {
-                self.away.remove(&index);
-            } else {
-                *self.away.entry(index).or_insert(0) += 1;
+            let at = format!("servo {index} at {}: {goal:?} in tick {}", motor.position, self.tick);
+            // One that was not reached is told what it would have been told a tick or two after it was.
+            let most = if reached { 1 } else { i32::from(UNHEARD_TICKS) };
+            assert!(way.abs() <= most * 60 + 1, "{at}, {most} ticks' movement at most");
+            if let (true, Some(step), Some(before)) = (reached, step, before) {
+                assert!((step - before).abs() <= 8, "{at}, {step} from the last, after {before}");
             }
-            if reached {
-                motor.position = goal.position;
-            }
+            let inwards = motor.position < joint.min && way >= 0 || motor.position > joint.max && way <= 0;
+            assert!(way.abs() <= 7 || inwards || (joint.min..=joint.max).contains(&goal.position), "{at}");
+            self.longest = self.longest.max(way.abs());
+            motor.position = goal.position;
         }
         if goals.is_empty() {
             self.told.clear();
-            self.velocity.clear();
+            self.velocity = [None; SERVOS];
+            self.reached = [false; SERVOS];
         }
         self.action = action.map(|action| self.act(action));
         self.actions.extend(action);
+        self.read();
         self.tick += 1;
     }
 

@@ -63,27 +63,6 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Protocol1Bus<U, 
 }
 
 impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Client<U, D, T, N> {
-    async fn together(
-        &mut self,
-        ids: &[u8],
-        places: &[u8],
-        readings: &mut [Option<Reading>],
-    ) -> Result<(), BusError> {
-        let mut result = Err(BusError::TooMany);
-        for index in places.iter().copied().map(usize::from) {
-            let (Some(&id), Some(slot)) = (ids.get(index), readings.get_mut(index)) else { break };
-            match self.alone(id, index).await {
-                Ok(reading) => {
-                    *slot = Some(reading);
-                    result = Ok(());
-                }
-                // Silence costs a timeout; the roll call decides who is asked again.
-                Err(error) => return result.or(Err(error)),
-            }
-        }
-        result
-    }
-
     async fn alone(&mut self, id: u8, _index: usize) -> Result<Reading, BusError> {
         let mut data = [0; BLOCK_LEN];
         let error = self.read(id, BLOCK, &mut data).await?;

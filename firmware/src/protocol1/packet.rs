@@ -5,6 +5,7 @@
 //! longer run of `FF` from a header.
 
 use crate::bus::BusError;
+use crate::bus::pending::{Pending, Span};
 
 /// Id that addresses every servo on the bus.
 pub const BROADCAST_ID: u8 = 254;
@@ -84,10 +85,7 @@ pub fn write<'b>(buffer: &'b mut [u8], id: u8, code: u8, parts: &[&[u8]]) -> Res
 /// up and the rest is searched again.
 #[derive(Debug)]
 pub struct Framer<const N: usize> {
-    buffer: [u8; N],
-    /// `start..end` of the buffer is received and not yet given out.
-    start: usize,
-    end: usize,
+    pending: Pending<N>,
 }
 
 impl<const N: usize> Default for Framer<N> {
@@ -101,12 +99,12 @@ impl<const N: usize> Framer<N> {
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(N >= OVERHEAD, "a framer must hold at least a packet without parameters") };
-        Self { buffer: [0; N], start: 0, end: 0 }
+        Self { pending: Pending::new() }
     }
 
     /// Forgets what is not yet given out.
     pub fn clear(&mut self) {
-        (self.start, self.end) = (0, 0);
+        self.pending.clear();
     }
 
     /// Takes bytes from the front of `input` and returns the next packet; `None` once all bytes are taken and no
@@ -115,7 +113,7 @@ impl<const N: usize> Framer<N> {
     /// Cost: a pass over each byte, and one more over up to `N` bytes for each header that was none.
     pub fn feed(&mut self, input: &mut &[u8]) -> Option<Packet<'_>> {
         loop {
-            self.take(input);
+            self.pending.take(input);
             if let Some(span) = self.scan(false) {
                 return self.packet(span);
             }
@@ -132,27 +130,10 @@ impl<const N: usize> Framer<N> {
         self.packet(span)
     }
 
-    /// Moves what is pending to the front and appends what fits of `input`.
-    fn take(&mut self, input: &mut &[u8]) {
-        let pending = self.end.saturating_sub(self.start);
-        if self.start > 0 && self.end <= N {
-            self.buffer.copy_within(self.start..self.end, 0);
-            (self.start, self.end) = (0, pending);
-        }
-        let free = self.buffer.get_mut(self.end..).unwrap_or_default();
-        let count = free.len().min(input.len());
-        let (now, later) = input.split_at(count);
-        for (slot, &byte) in free.iter_mut().zip(now) {
-            *slot = byte;
-        }
-        self.end += count;
-        *input = later;
-    }
-
-    /// Start and length of the next packet, which then no longer is pending. `last`: no byte will follow.
-    fn scan(&mut self, last: bool) -> Option<(usize, usize)> {
+    /// The next packet, which then no longer is pending. `last`: no byte will follow.
+    fn scan(&mut self, last: bool) -> Option<Span> {
         loop {
-            let pending = self.buffer.get(self.start..self.end)?;
+            let pending = self.pending.bytes();
             let len = match pending {
                 [] => return None,
                 // No header, an id of FF, a length below 2 or a packet that the buffer does not hold.
@@ -167,17 +148,15 @@ impl<const N: usize> Framer<N> {
             match (len, whole) {
                 (Some(_), Some(None)) if !last => return None,
                 (Some(len), Some(Some([_, _, body @ .., sum]))) if checksum(body) == *sum => {
-                    let start = self.start;
-                    self.start += len;
-                    return Some((start, len));
+                    return Some(self.pending.give(len));
                 }
-                _ => self.start += 1,
+                _ => self.pending.skip(1),
             }
         }
     }
 
-    fn packet(&self, (start, len): (usize, usize)) -> Option<Packet<'_>> {
-        match self.buffer.get(start..start + len)? {
+    fn packet(&mut self, span: Span) -> Option<Packet<'_>> {
+        match self.pending.given(span) {
             [_, _, id, _, code, parameters @ .., _] => Some(Packet { id: *id, code: *code, parameters }),
             _ => None,
         }

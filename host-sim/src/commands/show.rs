@@ -123,6 +123,16 @@ fn print(program: &Program, ran: &Ran, summary: &Summary) {
             ran.costs.len()
         );
     }
+    for row in &summary.overruns {
+        println!(
+            "  {:.2} s: {} ticks overrun while {}: {:.2} ms on the bus at most, {} cycles awake",
+            row.at,
+            row.ticks,
+            row.state,
+            row.bus_us_max / 1e3,
+            row.awake_max
+        );
+    }
     for note in ran.notes.iter().filter(|note| note.what == show::What::Refused) {
         println!("  tick {}: the puppet did not take {}", note.tick, note.text);
     }

@@ -87,6 +87,21 @@ pub struct CostSummary {
     pub overrun: usize,
 }
 
+/// Ticks in a row on the simulated board in which nothing was left.
+#[derive(Clone, Debug, Serialize)]
+pub struct OverrunSummary {
+    /// When the first of them began, in seconds.
+    pub at: f64,
+    /// How many there are.
+    pub ticks: usize,
+    /// The state of the puppet at the first.
+    pub state: String,
+    /// Longest time on the bus, in µs.
+    pub bus_us_max: f64,
+    /// Most cycles awake.
+    pub awake_max: u64,
+}
+
 /// A show in numbers.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
@@ -116,6 +131,8 @@ pub struct Summary {
     pub servos: Vec<ServoSummary>,
     /// Costs of ticks, where they were counted.
     pub cost: Option<CostSummary>,
+    /// Where ticks took too long.
+    pub overruns: Vec<OverrunSummary>,
 }
 
 impl Summary {
@@ -145,6 +162,7 @@ impl Summary {
             streams: streams(ran, hz),
             servos,
             cost: cost(&ran.costs),
+            overruns: overruns(ran, hz),
         }
     }
 }
@@ -290,6 +308,27 @@ fn named(program: &Program, fault: &str) -> String {
 /// Whether the state changed in the tick in which a fault was noted.
 fn moved_on(ran: &Ran, fault: usize, tick: u32) -> bool {
     ran.notes[fault..].iter().any(|note| note.what == What::State && note.tick == tick)
+}
+
+fn overruns(ran: &Ran, hz: f64) -> Vec<OverrunSummary> {
+    let state = |tick: usize| {
+        let until = ran.notes.iter().take_while(|note| note.tick as usize <= tick);
+        until.filter(|note| note.what == What::State).last().map_or(String::new(), |note| note.text.clone())
+    };
+    let mut tick = 0;
+    let rows =
+        ran.costs.chunk_by(|one, next| (one.left_us <= 0.0) == (next.left_us <= 0.0)).filter_map(|row| {
+            let first = tick;
+            tick += row.len();
+            row.first().filter(|cost| cost.left_us <= 0.0).map(|_| OverrunSummary {
+                at: first as f64 / hz,
+                ticks: row.len(),
+                state: state(first),
+                bus_us_max: row.iter().map(|cost| cost.bus_us).fold(0.0, f64::max),
+                awake_max: row.iter().map(|cost| cost.awake).max().unwrap_or(0),
+            })
+        });
+    rows.collect()
 }
 
 fn cost(costs: &[Cost]) -> Option<CostSummary> {

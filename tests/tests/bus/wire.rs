@@ -23,6 +23,11 @@ pub trait Servos {
 
     /// The packet as the refusal of the servo that sent it.
     fn refuse(&self, packet: &[u8], number: u8) -> Vec<u8>;
+
+    /// From `now_ns` on the line of one of the servos is loose for so many microseconds: it neither hears nor says anything.
+    fn loosen(&mut self, _servo: usize, _micros: u64, _now_ns: u64) {
+        panic!("no servo here has a line of its own");
+    }
 }
 
 /// What happens to one packet.
@@ -58,6 +63,8 @@ pub enum Fault {
     Broken(u64),
     /// The servo refuses with this error number.
     Refused(u8),
+    /// From before this packet on the line of this servo is loose for so many microseconds.
+    Loose(usize, u64),
 }
 
 /// Bytes that are remembered.
@@ -161,6 +168,7 @@ impl<S: Servos> State<S> {
                 return vec![];
             }
             Fault::Refused(number) if from_servo => changed = self.servos.refuse(packet, number),
+            Fault::Loose(servo, micros) => self.servos.loosen(servo, micros, self.now),
             Fault::Refused(_) | Fault::Echo => {}
         }
         vec![(0, changed)]
