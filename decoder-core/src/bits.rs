@@ -3,6 +3,9 @@
 //! Reading past the end is defined: it gives zeros, and [`BitReader::overrun`] tells. So a loop over a frame's
 //! codes needs one check at its end instead of one at every code.
 
+use core::hint::cold_path;
+use core::slice;
+
 /// Most bits that one call takes.
 pub const MAX_TAKE: u32 = 16;
 
@@ -10,36 +13,35 @@ pub const MAX_TAKE: u32 = 16;
 ///
 /// There are always [`MAX_TAKE`] bits in a word, so that looking at the next ones is one shift, and taking them a shift
 /// and a subtraction; every second byte costs a branch and a load. Methods on the hot path take the reader apart or
-/// are inlined, so that it stays in registers.
+/// are inlined, so that what changes stays in registers: no more than the window, the bits in it, and where the next two bytes are.
 #[derive(Clone, Debug)]
 pub struct BitReader<'a> {
-    rest: &'a [u8],
+    bytes: &'a [u8],
+    /// Whole pairs that are to be fetched, up to the last byte.
+    pairs: slice::Iter<'a, [u8; 2]>,
     /// The next bits, left-aligned; zeros below those that are held.
     window: u32,
-    /// Bits held beyond [`MAX_TAKE`], 0 to 15 between calls.
+    /// Bits held beyond [`MAX_TAKE`]: 0 to 15 between calls, as long as there are that many; below 0 after that.
     spare: i32,
-    /// Bytes past the end that were fetched.
-    missing: usize,
-    /// Bytes that there are.
-    length: usize,
 }
 
 impl<'a> BitReader<'a> {
     /// Before the first bit of `bytes`.
     #[inline(always)]
     pub fn new(bytes: &'a [u8]) -> Self {
-        let mut reader = Self { rest: bytes, window: 0, spare: -16, missing: 0, length: bytes.len() };
-        reader.fetch();
-        reader
+        Self::at(bytes, 0)
     }
 
     /// Before bit `position` of `bytes`; past the end where there are not so many.
     #[inline(always)]
     pub fn at(bytes: &'a [u8], position: usize) -> Self {
-        let whole = position >> 3;
-        let rest = bytes.get(whole..).unwrap_or_default();
-        let missing = whole.saturating_sub(bytes.len());
-        let mut reader = Self { rest, window: 0, spare: -16, missing, length: bytes.len() };
+        let rest = bytes.get(position >> 3..).unwrap_or_default();
+        let (odd, pairs) = rest.as_rchunks::<2>();
+        let window = odd.first().map_or(0, |&byte| u32::from(byte).wrapping_shl(24));
+        let mut reader = Self { bytes, pairs: pairs.iter(), window, spare: 0 };
+        // As many as make the position that of the byte.
+        let far = bytes.len().wrapping_mul(8).wrapping_add(FARTHEST);
+        reader.spare = reader.position().wrapping_sub(position.min(far) & !7) as i32;
         reader.fetch();
         reader.skip((position & 7) as u32);
         reader
@@ -52,6 +54,18 @@ impl<'a> BitReader<'a> {
         let value = (self.window >> 1).wrapping_shr(31u32.wrapping_sub(count));
         self.skip(count);
         value
+    }
+
+    /// The next bit, which is taken.
+    #[inline(always)]
+    pub fn take_bit(&mut self) -> u32 {
+        let bit = self.window >> 31;
+        if !self.skip_held(1) {
+            // Every sixteenth; so that the others go straight on.
+            cold_path();
+            self.fetch();
+        }
+        bit
     }
 
     /// The next `count` bits, 1 to [`MAX_TAKE`], as a number in two's complement; they are taken.
@@ -94,42 +108,43 @@ impl<'a> BitReader<'a> {
 
     /// Bits taken since the start, those past the end included.
     #[inline(always)]
-    pub const fn position(&self) -> usize {
-        let fetched = self.length.wrapping_sub(self.rest.len()).wrapping_add(self.missing).wrapping_mul(8);
+    pub fn position(&self) -> usize {
+        let fetched = self.bytes.len().wrapping_mul(8).wrapping_sub(self.pairs.len().wrapping_mul(16));
         fetched.wrapping_sub(16).wrapping_sub(self.spare as usize)
     }
 
     /// Whether more bits were taken than there are.
     #[inline(always)]
-    pub const fn overrun(&self) -> bool {
-        self.position() > self.length.saturating_mul(8)
+    pub fn overrun(&self) -> bool {
+        self.position().cast_signed() > self.bytes.len().wrapping_mul(8).cast_signed()
     }
 
     /// Adds 16 bits to a window that holds fewer.
     #[inline(always)]
     pub fn fetch(&mut self) {
-        let bits = match self.rest.split_first_chunk::<2>() {
-            Some((&bytes, rest)) => {
-                self.rest = rest;
-                u16::from_be_bytes(bytes)
-            }
-            None => {
-                let last = last(self.rest);
-                self.missing = self.missing.saturating_add(2).saturating_sub(self.rest.len());
-                self.rest = &[];
-                last
-            }
-        };
-        self.window |= u32::from(bits).wrapping_shl(self.spare.wrapping_neg().cast_unsigned());
-        self.spare = self.spare.wrapping_add(16);
+        if let Some(&pair) = self.pairs.next() {
+            self.spare = self.spare.wrapping_add(16);
+            // Behind those that are held, which are as many.
+            let bits = u32::from(u16::from_le_bytes(pair)).swap_bytes();
+            self.window |= bits.wrapping_shr(self.spare.cast_unsigned());
+        } else {
+            // The bits held stay too few, so this comes with each call from here on.
+            self.window = last(self.bytes, self.position());
+        }
     }
 }
 
-/// The last byte and zeros, or zeros alone. Not a method: a reader whose address is taken does not stay in registers.
+/// Bits past the end up to which a position is told.
+const FARTHEST: usize = 1 << 20;
+
+/// The bits from `position` on, as far as there are any. Not a method: a reader whose address is taken does not stay in registers.
 #[cold]
 #[inline(never)]
-fn last(rest: &[u8]) -> u16 {
-    u16::from_be_bytes([rest.first().copied().unwrap_or(0), 0])
+fn last(bytes: &[u8], position: usize) -> u32 {
+    let rest = bytes.get(position >> 3..).unwrap_or_default();
+    let mut word = [0; 4];
+    word.iter_mut().zip(rest).for_each(|(slot, &byte)| *slot = byte);
+    u32::from_be_bytes(word).wrapping_shl((position & 7) as u32)
 }
 
 #[cfg(test)]
@@ -160,7 +175,10 @@ mod tests {
                     assert_eq!(reader.clone().take_signed(count), signed);
                 }
                 assert_eq!(u32::from(reader.peek_byte()), reference(&bytes, position, 8));
-                assert_eq!(reader.take(count), reference(&bytes, position, count), "{position} {count}");
+                if count == 1 {
+                    assert_eq!(reader.clone().take_bit(), expected);
+                }
+                assert_eq!(reader.take(count), expected, "{position} {count}");
                 assert_eq!(reader.position(), position + count as usize);
                 assert_eq!(reader.overrun(), position + count as usize > 72, "{position} {count}");
             }

@@ -36,6 +36,17 @@ impl Motion {
         self.samples.chunks_exact(self.channels)
     }
 
+    /// The same frames with these channels alone, in this order.
+    ///
+    /// # Panics
+    /// If there is no such channel, or none is named.
+    #[must_use]
+    pub fn with_channels(&self, kept: &[usize]) -> Self {
+        assert!(!kept.is_empty(), "a motion has a channel");
+        let samples = self.iter().flat_map(|frame| kept.iter().map(|&channel| frame[channel])).collect();
+        Self { fps: self.fps, channels: kept.len(), samples }
+    }
+
     /// Makes rotations continuous: adds multiples of 360 degrees such that successive samples of a rotation
     /// channel differ by at most 180. The first frame stays as it is, and so do translations.
     ///

@@ -89,4 +89,66 @@ impl Skeleton {
     pub fn channel(&self, name: &str) -> Option<usize> {
         self.channels.iter().position(|channel| channel.name == name)
     }
+
+    /// The same joints with these channels alone, in this order: column `i` of its motions is column `kept[i]` of this one's.
+    /// What is left out is at rest.
+    ///
+    /// # Panics
+    /// If there is no such channel, one is named twice, or those of a joint do not follow each other.
+    #[must_use]
+    pub fn with_channels(&self, kept: &[usize]) -> Self {
+        let channels: Vec<Channel> = kept.iter().map(|&channel| self.channels[channel].clone()).collect();
+        let place = |channel: usize| kept.iter().position(|&other| other == channel);
+        let mut joints = self.joints.clone();
+        for (index, joint) in joints.iter_mut().enumerate() {
+            joint.rotations = joint.rotations.iter().filter_map(|&channel| place(channel)).collect();
+            let own = |channel: &Channel| channel.joint == index;
+            let start = channels.iter().position(own).unwrap_or(0);
+            let count = channels.iter().filter(|channel| own(channel)).count();
+            joint.channels = start..start + count;
+            assert!(channels[joint.channels.clone()].iter().all(own), "channels of {} apart", joint.name);
+        }
+        let once = |(index, channel)| place(channel) == Some(index);
+        assert!(kept.iter().copied().enumerate().all(once), "a channel twice");
+        Self { joints, channels, origin: self.origin }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::kinematics::Kinematics;
+    use crate::sample;
+
+    #[test]
+    fn with_fewer_channels_the_others_are_at_rest() {
+        let clip = sample::clip();
+        let kept = ["root.ty", "lradius.rx", "root.ry"];
+        let kept = kept.map(|name| clip.skeleton.channel(name).expect("a channel of the sample"));
+        // The root's together, though not in the skeleton's order.
+        let kept = [kept[1], kept[2], kept[0]];
+        let fewer = clip.skeleton.with_channels(&kept);
+        let motion = clip.motion.with_channels(&kept);
+        assert_eq!(fewer.channels.len(), 3);
+        assert_eq!(fewer.channel("root.ty"), Some(2));
+        let mut whole = Kinematics::new(&clip.skeleton);
+        let mut part = Kinematics::new(&fewer);
+        let mut expected = vec![[0.0; 3]; whole.joints()];
+        let mut found = expected.clone();
+        for (row, small) in clip.motion.iter().zip(motion.iter()) {
+            let mut pose = vec![0.0; row.len()];
+            kept.iter().zip(small).for_each(|(&channel, &value)| pose[channel] = value);
+            assert_eq!(kept.map(|channel| row[channel]), *small);
+            whole.positions(&pose, &mut expected);
+            part.positions(small, &mut found);
+            assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "channels of root apart")]
+    fn channels_of_a_joint_stay_together() {
+        let skeleton = sample::clip().skeleton;
+        let kept = ["root.ty", "lradius.rx", "root.ry"];
+        let _ = skeleton.with_channels(&kept.map(|name| skeleton.channel(name).unwrap_or(usize::MAX)));
+    }
 }

@@ -148,6 +148,13 @@ pub enum PlayError {
     },
     /// All decoders are in use, or the live stream plays already.
     NoDecoder,
+    /// The clip is one of another skeleton, or of other channels of it.
+    Channels {
+        /// Channels of the clip.
+        found: usize,
+        /// Those that the map was made for.
+        expected: u16,
+    },
 }
 
 impl fmt::Display for PlayError {
@@ -165,6 +172,12 @@ impl fmt::Display for PlayError {
             Self::QueueFull => f.write_str("too many clips wait already"),
             Self::NoClip { clip } => write!(f, "there is no clip {clip}"),
             Self::NoDecoder => f.write_str("no decoder is free"),
+            Self::Channels { found, expected } => {
+                write!(
+                    f,
+                    "the clip has {found} channels, expected {expected}, which the joint map was made for"
+                )
+            }
         }
     }
 }
@@ -200,13 +213,11 @@ impl<F: Frames, const N: usize> Voice<F, N> {
     /// # Errors
     /// [`PlayError`] where the clip does not fit the map, with the frames.
     pub fn new(mut frames: F, map: &JointMap<N>, repeats: bool, start: u32) -> Result<Self, (PlayError, F)> {
-        let channels = frames.channels();
         if frames.rate_centihertz() == 0 {
             return Err((PlayError::Rate, frames));
         }
-        let missing = map.joints().iter().find(|joint| usize::from(joint.channel) >= channels);
-        if let Some(joint) = missing {
-            return Err((PlayError::Channel { id: joint.id, channel: joint.channel, channels }, frames));
+        if let Err(error) = map.check_channels(frames.channels()) {
+            return Err((error, frames));
         }
         let Some(last) = frames.frames().checked_sub(1) else {
             return Err((PlayError::NoFrames, frames));

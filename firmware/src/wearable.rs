@@ -28,13 +28,11 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
     /// # Errors
     /// Where the clip has no rate, no frames, or not the channels that the map follows.
     pub fn new(mut frames: F, map: &'m JointMap<N>, hz: u16) -> Result<Self, PlayError> {
-        let (channels, rate) = (frames.channels(), frames.rate_centihertz());
+        let rate = frames.rate_centihertz();
         if rate == 0 {
             return Err(PlayError::Rate);
         }
-        if let Some(joint) = map.joints().iter().find(|joint| usize::from(joint.channel) >= channels) {
-            return Err(PlayError::Channel { id: joint.id, channel: joint.channel, channels });
-        }
+        map.check_channels(frames.channels())?;
         if frames.frames() == 0 {
             return Err(PlayError::NoFrames);
         }

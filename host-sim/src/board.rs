@@ -69,15 +69,15 @@ pub const BOARDS: [Board; 5] = [
         target: "thumbv7em-none-eabi",
         flash: 512 * KB,
         ram: 128 * KB,
-        has_host: false,
+        has_host: true,
     },
     Board {
         name: "nrf52840",
         source: "firmware/boards/nrf52840",
         target: "thumbv7em-none-eabi",
-        flash: MB,
+        flash: 512 * KB,
         ram: 256 * KB,
-        has_host: false,
+        has_host: true,
     },
 ];
 

@@ -198,8 +198,15 @@ pub fn on_rp2040(
     let elf = board::RP2040.build(bytes, map, centihertz)?;
     let mut recorder = Recorder::new(map)?;
     let limit = limit(clip.frames(), rate(clip, centihertz));
-    let figures =
-        rp2040js::run(&elf, &rp2040js::package(), &mut |bytes| recorder.receive(bytes), None, limit, log)?;
+    let figures = rp2040js::run(
+        &elf,
+        &rp2040js::package(),
+        &mut |bytes| recorder.receive(bytes),
+        None,
+        None,
+        limit,
+        log,
+    )?;
     Ok((recorder.finish()?, figures))
 }
 

@@ -1,11 +1,12 @@
 // Runs an image for the Raspberry Pi Pico on rp2040js, with the servo bus on UART 0 and a host on UART 1.
 //
-// Usage: node rp2040js.mjs RP2040JS FLASH RTT SECONDS [host]
+// Usage: node rp2040js.mjs RP2040JS FLASH RTT SECONDS [host [HANG]]
 //   RP2040JS  folder of the npm package
 //   FLASH     file with the bytes from address 0x10000000 on
 //   RTT       address of the control block of SEGGER's RTT, by which the image logs
 //   SECONDS   simulated time after which this gives up
 //   host      whether there is a host, with which bytes are exchanged every simulated millisecond
+//   HANG      simulated time in ms after which the core is in an endless loop with its interrupts masked
 //
 // Standard output has messages: a kind (1 byte), a length (4 bytes, little-endian), that many bytes.
 //   0  the image has sent these on the bus. Standard input then brings the answer: a length (4 bytes), that many bytes;
@@ -13,6 +14,7 @@
 //   1  the image has logged these
 //   2  the last one: figures, as JSON
 //   3  a millisecond has gone by, in which the image has sent these to the host. The answer is as that of 0
+//   4  what has happened here, as text
 //
 // What rp2040js 1.4.1 does not have, and what is done about it:
 // - There is no boot ROM. Its functions that embassy's flash driver calls are written here, with the time that erasing and writing take (Winbond
@@ -22,12 +24,15 @@
 // - All clocks are there at once, and the core runs at 125 MHz from the start.
 // - Voltage regulator and ring oscillator are registers that read as ones; the flash cache's read as zeros.
 // - An input that nothing drives is low, whatever pulls it up.
+// - Its watchdog bites and says why, and resets nothing. With a host, the chip starts again as section 4.7 of the datasheet has it: all that
+//   PSM.WDSEL names is new, which has to be all but the oscillators; RAM, REASON and the scratch registers keep what they
+//   have. Only the timer goes on, which begins at zero on the chip. Without a host, that is the end.
 // - SEV does nothing. Here it wakes WFE, as on the chip. Time asleep is skipped.
 import { readFileSync, readSync, writeSync } from "node:fs";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
 
-const [folder, flash, rtt, seconds, host] = process.argv.slice(2);
+const [folder, flash, rtt, seconds, host, hang] = process.argv.slice(2);
 const index = pathToFileURL(join(folder, "dist/esm/index.js"));
 const { BasePeripheral, GPIOPinState, RP2040 } = await import(index);
 
@@ -49,6 +54,7 @@ const FIGURES = 2;
 const SENT = 0;
 const HOST = 3;
 const HOST_NANOS = 1e6;
+const NOTE = 4;
 const END = 0xffffffff;
 
 function put(kind, bytes) {
@@ -73,9 +79,10 @@ function take(length) {
   return bytes;
 }
 
-const chip = new RP2040();
-const { clock, core } = chip;
-chip.logger = {
+let chip = new RP2040();
+const { clock } = chip;
+let { core } = chip;
+const logger = {
   debug() {},
   // All that rp2040js does with SEV is to log it.
   info(_, message) {
@@ -134,7 +141,6 @@ const line = {
     }
   },
 };
-chip.gpio[DIRECTION_PIN].addListener(() => line.turned());
 
 // The line to the host.
 const hostLine = {
@@ -297,12 +303,8 @@ class Uart extends BasePeripheral {
   }
 }
 
-const [bus, hostUart] = [line, hostLine].map((wire, number) => {
-  const uart = new Uart(chip, UARTS[number], wire);
-  chip.uart[number] = uart;
-  chip.peripherals[UARTS[number].address] = uart;
-  return uart;
-});
+let bus;
+let hostUart;
 
 // The flash cache's registers, which are not there: nothing is being read ahead.
 class Idle extends BasePeripheral {
@@ -310,19 +312,15 @@ class Idle extends BasePeripheral {
     return 0;
   }
 }
-chip.peripherals[XIP_CONTROL] = new Idle(chip, "XIP_CTRL");
 
-if (host !== undefined) {
-  const exchange = clock.createAlarm(() => {
-    const bytes = ask(HOST, hostLine.bytes);
-    hostLine.bytes = [];
-    if (bytes.length > 0) {
-      hostUart.receive(bytes, 0);
-    }
-    exchange.schedule(HOST_NANOS);
-  });
+const exchange = clock.createAlarm(() => {
+  const bytes = ask(HOST, hostLine.bytes);
+  hostLine.bytes = [];
+  if (bytes.length > 0) {
+    hostUart.receive(bytes, 0);
+  }
   exchange.schedule(HOST_NANOS);
-}
+});
 
 // The boot ROM's functions (RP2040 datasheet, section 2.8.3), by their codes: a table that nobody reads, and one that looks
 // functions up. Whatever is called there returns at once.
@@ -362,8 +360,6 @@ const rom = {
     }
   },
 };
-new DataView(chip.bootrom.buffer).setUint32(0x14, 0x00f0, true);
-new DataView(chip.bootrom.buffer).setUint32(0x18, 0x0101, true);
 
 // Takes what is new out of RTT's first buffer (SEGGER UM08001, section 16.3).
 function log() {
@@ -380,23 +376,85 @@ function log() {
   put(LOG, bytes);
 }
 
+const PSM = 0x40010;
+const WDSEL = 0x08;
+const ALL_BUT_OSCILLATORS = 0x1fffc;
 const WATCHDOG = 0x40058;
-chip.peripherals[WATCHDOG].onWatchdogTrigger = () => {
+
+// What is on the board, around a new chip; its core is before the image's first instruction.
+function wire() {
+  chip.logger = logger;
+  chip.gpio[DIRECTION_PIN].addListener(() => line.turned());
+  // Nobody presses the button.
+  chip.gpio[TRIGGER_PIN].setInputValue(true);
+  [bus, hostUart] = [line, hostLine].map((wire, number) => {
+    const uart = new Uart(chip, UARTS[number], wire);
+    chip.uart[number] = uart;
+    chip.peripherals[UARTS[number].address] = uart;
+    return uart;
+  });
+  chip.peripherals[XIP_CONTROL] = new Idle(chip, "XIP_CTRL");
+  chip.peripherals[WATCHDOG].onWatchdogTrigger = bite;
+  const bootrom = new DataView(chip.bootrom.buffer);
+  bootrom.setUint32(0x14, 0x00f0, true);
+  bootrom.setUint32(0x18, 0x0101, true);
+  core.VTOR = VECTORS;
+  core.SP = chip.readUint32(VECTORS);
+  core.PC = chip.readUint32(VECTORS + 4) & ~1;
+  if (host !== undefined) {
+    exchange.schedule(HOST_NANOS);
+  }
+}
+
+// The watchdog was not fed.
+function bite() {
   log();
-  throw new Error(`the watchdog was not fed, at 0x${core.PC.toString(16)} from 0x${core.LR.toString(16)}`);
-};
-// Nobody presses the button.
-chip.gpio[TRIGGER_PIN].setInputValue(true);
+  const where = `at 0x${core.PC.toString(16)} from 0x${core.LR.toString(16)}`;
+  const selected = chip.peripherals[PSM].readUint32(WDSEL);
+  if (host === undefined || selected !== ALL_BUT_OSCILLATORS) {
+    throw new Error(`the watchdog was not fed, ${where}; it resets 0x${selected.toString(16)}`);
+  }
+  const after = hung === null ? "" : `, ${Math.round((clock.nanos - hung) / 1e6)} ms after the core hung`;
+  put(NOTE, Buffer.from(`the watchdog was not fed, ${where}: the chip starts again${after}`));
+  bitten = true;
+  // Or it would bite again and again in no time.
+  chip.peripherals[WATCHDOG].alarm.enable = false;
+}
+
+// The chip starts again.
+function restart() {
+  const { sram, flash, peripherals } = chip;
+  const { reason, scratchData } = peripherals[WATCHDOG];
+  // Nothing of the old chip happens any more.
+  clock.nextAlarm = null;
+  chip = new RP2040(clock);
+  ({ core } = chip);
+  chip.sram.set(sram);
+  chip.flash.set(flash);
+  Object.assign(chip.peripherals[WATCHDOG], { reason, scratchData });
+  line.packet = [];
+  line.turns = false;
+  [hung, bitten] = [null, false];
+  wire();
+}
+
 chip.flash.set(readFileSync(flash));
-core.VTOR = VECTORS;
-core.SP = chip.readUint32(VECTORS);
-core.PC = chip.readUint32(VECTORS + 4) & ~1;
+wire();
+// Since when the core hangs, and whether the watchdog has bitten.
+let [hung, bitten] = [null, false];
+if (hang !== undefined) {
+  clock.createAlarm(() => (hung = clock.nanos)).schedule(Number(hang) * 1e6);
+}
 
 let running = true;
 let [cycles, instructions] = [0, 0];
 const end = Number(seconds) * 1e9;
 while (running) {
-  if (core.waiting) {
+  if (bitten) {
+    restart();
+  } else if (hung !== null) {
+    clock.tick(1000);
+  } else if (core.waiting) {
     log();
     if (clock.nextAlarm === null) {
       throw new Error("the core sleeps, and nothing will wake it");
@@ -407,8 +465,9 @@ while (running) {
     if (call === undefined) {
       throw new Error(`the image has called 0x${core.PC.toString(16)}, where no function of the boot ROM is`);
     }
+    const caller = core;
     call();
-    core.PC = core.LR & ~1;
+    caller.PC = caller.LR & ~1;
   } else {
     const spent = core.executeInstruction();
     cycles += spent;

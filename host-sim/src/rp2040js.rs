@@ -48,6 +48,9 @@ pub type Host<'d> = dyn FnMut(&[u8]) -> Option<Vec<u8>> + 'd;
 ///
 /// `servos` take what was sent on the bus when the line falls silent, and give the answer. `log` gets every line that the image logs.
 ///
+/// With a host, a watchdog that is not fed starts the chip again, which `log` is told; without one it is the end. After `hang` of simulated time
+/// the core is in an endless loop with its interrupts masked, until the watchdog bites.
+///
 /// # Errors
 /// A sentence that says what is missing or went wrong: no Node.js, no package, an error in the image's log (with a host that is
 /// not the end), no end within `limit` of simulated time.
@@ -56,6 +59,7 @@ pub fn run(
     package: &Path,
     servos: &mut Device<'_>,
     host: Option<&mut Host<'_>>,
+    hang: Option<Duration>,
     limit: Duration,
     log: &mut dyn FnMut(&str),
 ) -> Result<Figures> {
@@ -79,6 +83,7 @@ pub fn run(
         .args([package, &flash])
         .args([rtt.to_string(), limit.as_secs().to_string()])
         .args(host.is_some().then_some("host"))
+        .args(hang.filter(|_| host.is_some()).map(|hang| hang.as_millis().to_string()))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(complaints.try_clone().context("cannot write a temporary file")?)
@@ -150,6 +155,10 @@ impl Emulator {
                         _ => continue,
                     }
                 }
+                (4, bytes) => {
+                    log(&String::from_utf8_lossy(&bytes));
+                    continue;
+                }
                 (2, bytes) => return serde_json::from_slice(&bytes).context("rp2040js' figures"),
                 (_, bytes) => host.as_mut().and_then(|host| host(&bytes)),
             };
@@ -204,7 +213,7 @@ mod tests {
     #[test]
     fn a_folder_without_the_package_is_named() {
         let path = Path::new("no/such");
-        let error = run(b"", path, &mut |_| Vec::new(), None, Duration::ZERO, &mut |_| {});
+        let error = run(b"", path, &mut |_| Vec::new(), None, None, Duration::ZERO, &mut |_| {});
         assert!(error.unwrap_err().to_string().contains("no/such"));
     }
 

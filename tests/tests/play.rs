@@ -171,7 +171,7 @@ fn a_wrong_puppet_is_one_sentence_and_no_log() {
     let skeleton = ["--skeleton", skeleton.to_str().unwrap()];
     let unknown = sample.replace("rtibia.rx", "rshin.rx");
     refused(&unknown, &skeleton, "key \"channel\": the skeleton has no joint \"rshin\"");
-    refused(&sample, &[], "names no skeleton");
+    refused(&sample, &[], "as in the puppet, which has no skeleton: name the clip's with --skeleton");
     refused("joint = 3", &skeleton, "puppet.toml, line 1, key \"joint\"");
     refused(&sample.replace("[[joint]]", "[[joint]"), &skeleton, "puppet.toml, line");
     let [flag, path] = skeleton;

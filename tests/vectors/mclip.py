@@ -573,7 +573,7 @@ def vectors():
         "qmd-huffman": make(rng, QMD, HUFFMAN, levels, wide, some(3, 3, 3), [25, 30]),
         "adpcm-sliding-15": make(rng, ADPCM, HUFFMAN, still + bytes([15, 1]), wide, some(6, 6, 0, 6), [60, -30, 30], ones=0.3),
         "adpcm-sliding-120": make(rng, ADPCM, FIXED, adapts + bytes([120, 4]), b"", some(3, 4, 2), [200, -150]),
-        "adpcm-sliding-edges": make(rng, ADPCM, ADAPTIVE, adapts + bytes([120, 0]), bytes([6]), edges, [260]),
+        "adpcm-sliding-edges": make(rng, ADPCM, ADAPTIVE, adapts + bytes([64, 3]), bytes([6]), edges, [260]),
         "dpcm-edge-leaks": make(rng, DPCM, FIXED, bytes([1]), b"", edges, [30, -4]),
         # First steps below, between and above the bounds.
         "adpcm-outside-bounds": make(rng, ADPCM, FIXED, adapts[:16] + bytes([98, 102, 0, 0]), b"", some(*[4] * 9), [30, -4]),

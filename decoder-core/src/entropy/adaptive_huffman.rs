@@ -193,7 +193,7 @@ impl AdaptiveHuffman<'_> {
             if child & LEAF != 0 {
                 break;
             }
-            child = get(self.children, child.wrapping_add(bits.take(1) as u16));
+            child = get(self.children, child.wrapping_add(bits.take_bit() as u16));
         }
         let symbol = u32::from(child & !LEAF);
         self.count(symbol);

@@ -16,6 +16,7 @@
 use super::SymbolSource;
 use crate::arithmetic::signed;
 use crate::bits::BitReader;
+use core::hint::cold_path;
 
 /// Largest |c| of each level but the last.
 pub const LEVEL_ENDS: [u32; 7] = [0, 1, 2, 3, 5, 8, 13];
@@ -247,9 +248,11 @@ impl SymbolSource for Huffman<'_> {
         let entry = table.get(usize::from(bits.peek_byte())).copied().unwrap_or(0);
         let mut taken = bits.clone();
         if !taken.skip_held(u32::from(entry & 31)) {
+            // Every fourth code or so; so that the others go straight on.
+            cold_path();
             if entry & ESCAPE != 0 {
-                let (code, after) = escaped(bits.clone(), u32::from(entry & 15), width.into());
-                *bits = after;
+                bits.skip(u32::from(entry & 15));
+                let code = bits.take_signed(width.into());
                 *context = self.shape.next_table(*context, code);
                 return code;
             }
@@ -260,15 +263,6 @@ impl SymbolSource for Huffman<'_> {
         // In a word: one instruction on Cortex-M4, two on M0+.
         i32::from(entry).wrapping_shl(19) >> 24
     }
-}
-
-/// A code of its own width, behind an escape of `length` bits. Not a method of the reader, whose address would be taken.
-#[cold]
-#[inline(never)]
-fn escaped(mut bits: BitReader<'_>, length: u32, width: u32) -> (i32, BitReader<'_>) {
-    bits.skip(length);
-    let code = bits.take_signed(width);
-    (code, bits)
 }
 
 #[cfg(test)]

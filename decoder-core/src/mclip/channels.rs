@@ -9,15 +9,17 @@ use super::octets::{self, next};
 use super::state::{State, pair, unpair};
 use crate::bits::BitReader;
 use crate::entropy::SymbolSource;
-use crate::predict::{Constant, Correlation, First, Predict, Second, Slots};
+use crate::predict::window::Rows;
+use crate::predict::{self, Constant, Correlation, First, Predict, Ring, Second};
 use crate::quantise::{Quantise, Uniform};
+use core::cell::Cell;
 use core::iter::Copied;
 use core::ops::Range;
 use core::slice;
 use fixed::types::I16F16;
 
 /// Channels whose codes are held at a time; whole octets.
-pub(super) const CHUNK: usize = 32;
+pub(super) const CHUNK: usize = 64;
 
 /// An encoder, which looks for the best codes: with the decoder's own loop, and its predictors and quantisers.
 pub trait Choose {
@@ -93,10 +95,38 @@ pub(super) struct Channels<'c> {
     pub pose: &'c mut [I16F16],
     pub states: &'c mut [State],
     pub correlations: &'c mut [Correlation],
-    /// The windows of predictors that have a sliding one, channel after channel.
-    pub rings: &'c mut [u16],
+    /// The windows of predictors that have a sliding one, frame after frame.
+    pub windows: &'c mut [u16],
+    /// Which frame it is.
+    pub at: &'c mut At,
+}
+
+/// Which frame it is, for what depends on it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct At {
     /// Frames since the entry point.
     pub frame: u32,
+    /// The frame's row in the ring of sliding windows.
+    pub row: usize,
+    /// Frames of these windows; 0 where there are none.
+    pub length: usize,
+    /// Channels of a frame.
+    pub channels: usize,
+}
+
+impl At {
+    /// Goes on to the next frame.
+    fn advance(&mut self) {
+        self.frame = self.frame.wrapping_add(1);
+        let next = self.row.wrapping_add(1);
+        self.row = if next < self.length { next } else { 0 };
+    }
+
+    /// The ring of sliding windows.
+    fn ring(&self) -> Ring {
+        let &Self { frame, row, length, channels } = self;
+        Ring { channels, length, row, count: (frame as usize).min(length) }
+    }
 }
 
 impl Channels<'_> {
@@ -126,7 +156,7 @@ impl Channels<'_> {
         let mut buffer = [0; CHUNK];
         let mut rest = self.all();
         while !rest.pose.is_empty() {
-            let now = rest.chunk(CHUNK, codec);
+            let now = rest.chunk(CHUNK);
             position = fill(&mut source, codes, position, now.states, &mut buffer);
             now.run(codec, &mut Given(&buffer));
         }
@@ -141,7 +171,7 @@ impl Channels<'_> {
         let mut buffer = [0; CHUNK];
         let mut rest = self.all();
         while !rest.pose.is_empty() {
-            let now = rest.chunk(CHUNK, codec);
+            let now = rest.chunk(CHUNK);
             codes = octets::unpack(now.states, &mut buffer, codes)?;
             now.run(codec, &mut Given(&buffer));
         }
@@ -149,27 +179,60 @@ impl Channels<'_> {
         Some(codes)
     }
 
-    /// All of them once more.
-    fn all(&mut self) -> Channels<'_> {
-        let Self { pose, states, correlations, rings, frame } = self;
-        Channels { pose, states, correlations, rings, frame: *frame }
+    /// All of them, once it is the next frame.
+    fn all(&mut self) -> Part<'_> {
+        let Self { pose, states, correlations, windows, at } = self;
+        at.advance();
+        Part { pose, states, correlations, windows, at, channel: 0 }
     }
 
+    /// Solves for coefficients, where they adapt, after a frame.
+    fn solve(self, codec: &Codec<'_>) {
+        if let Codec::Adpcm(Adpcm { predictor: Some(adaptation), .. }) = codec
+            && cfg!(feature = "adaptive-predictor")
+        {
+            let frame = self.at.frame;
+            if self.at.length > 0 {
+                let ring = self.at.ring();
+                solve(self.states, |channel| ring.sums(self.windows, channel), *adaptation, frame);
+            } else {
+                let sums = |channel| self.correlations.get(channel).map_or([0; 3], Correlation::sums);
+                solve(self.states, sums, *adaptation, frame);
+            }
+        }
+    }
+}
+
+/// Some of the channels of a frame.
+struct Part<'c> {
+    pose: &'c mut [I16F16],
+    states: &'c mut [State],
+    correlations: &'c mut [Correlation],
+    windows: &'c mut [u16],
+    at: &'c At,
+    /// The first one's number.
+    channel: usize,
+}
+
+impl Part<'_> {
     /// Takes the first `count` channels away.
-    fn chunk(&mut self, count: usize, codec: &Codec<'_>) -> Channels<'_> {
-        Channels {
+    fn chunk(&mut self, count: usize) -> Part<'_> {
+        let channel = self.channel;
+        self.channel = channel.wrapping_add(count);
+        Part {
             pose: first(&mut self.pose, count),
             states: first(&mut self.states, count),
             correlations: first(&mut self.correlations, count),
-            rings: first(&mut self.rings, codec.ring_words().wrapping_mul(count)),
-            frame: self.frame,
+            windows: self.windows,
+            at: self.at,
+            channel,
         }
     }
 
     /// Goes on to the next values.
     #[inline(always)]
     fn run<C: Codes>(self, codec: &Codec<'_>, codes: &mut C) {
-        let Self { pose, states, correlations, rings, frame } = self;
+        let Self { pose, states, correlations, windows, at, channel } = self;
         match codec {
             Codec::Pcm if cfg!(feature = "pcm") => codes.uniform(pose, states, &Constant),
             Codec::MuLaw(law) if cfg!(feature = "mulaw") => serial(pose, states, &First, law, codes),
@@ -185,11 +248,13 @@ impl Channels<'_> {
             Codec::Adpcm(Adpcm { quantiser, predictor: Some(adaptation) })
                 if cfg!(feature = "adaptive-predictor") =>
             {
-                let words = adaptation.ring_words();
-                if words > 0 {
-                    let slots = Slots::at(frame, adaptation.window);
-                    let rings = correlations.iter_mut().zip(rings.chunks_exact_mut(words));
-                    let follow = rings.map(move |(correlation, ring)| Sliding { correlation, ring, slots });
+                if at.length > 0 {
+                    let Rows { now, newest, before } = at.ring().rows(windows, channel);
+                    let follow = now.iter().zip(newest).zip(before).map(|((now, newest), before)| Sliding {
+                        now,
+                        newest,
+                        before,
+                    });
                     // A step that does not adapt is kept as a size, not as an index.
                     if cfg!(feature = "adaptive-step") && quantiser.adapts() {
                         adaptive(pose, states, follow, quantiser, codes);
@@ -210,15 +275,6 @@ impl Channels<'_> {
             Codec::Qmd(table) if cfg!(feature = "lookup") => serial(pose, states, &First, table, codes),
             // Refused by `Codec::check_linked`.
             _ => {}
-        }
-    }
-
-    /// Solves for coefficients, where they adapt, after a frame.
-    fn solve(self, codec: &Codec<'_>) {
-        if let Codec::Adpcm(Adpcm { predictor: Some(adaptation), .. }) = codec
-            && cfg!(feature = "adaptive-predictor")
-        {
-            solve(self.states, self.correlations, *adaptation, self.frame);
         }
     }
 }
@@ -301,10 +357,11 @@ fn fused<P: Predict, S: SymbolSource>(
 
 /// What follows a channel's movements.
 trait Follow {
-    fn correlation(&self) -> &Correlation;
+    /// The last two, the newest first.
+    fn movements(&self) -> [i16; 2];
 
     /// Takes in a movement.
-    fn add(&mut self, movement: i32);
+    fn add(&mut self, movement: i16);
 }
 
 /// By an exponential window.
@@ -315,32 +372,32 @@ struct Exponential<'c> {
 
 impl Follow for Exponential<'_> {
     #[inline(always)]
-    fn correlation(&self) -> &Correlation {
-        self.correlation
+    fn movements(&self) -> [i16; 2] {
+        self.correlation.movements()
     }
 
     #[inline(always)]
-    fn add(&mut self, movement: i32) {
+    fn add(&mut self, movement: i16) {
         self.correlation.add(movement, self.window);
     }
 }
 
-/// By a sliding window.
+/// By a sliding window, whose sums wait until they are needed.
 struct Sliding<'c> {
-    correlation: &'c mut Correlation,
-    ring: &'c mut [u16],
-    slots: Slots,
+    now: &'c Cell<u16>,
+    newest: &'c Cell<u16>,
+    before: &'c Cell<u16>,
 }
 
 impl Follow for Sliding<'_> {
     #[inline(always)]
-    fn correlation(&self) -> &Correlation {
-        self.correlation
+    fn movements(&self) -> [i16; 2] {
+        [self.newest, self.before].map(|word| word.get().cast_signed())
     }
 
     #[inline(always)]
-    fn add(&mut self, movement: i32) {
-        self.correlation.slide(movement, self.ring, self.slots);
+    fn add(&mut self, movement: i16) {
+        self.now.set(movement.cast_unsigned());
     }
 }
 
@@ -357,26 +414,23 @@ fn adaptive<F: Follow, Q: Quantise, C: Codes>(
         pose.iter_mut().zip(states).zip(followers).zip(codes.items())
     {
         let last = value.to_bits();
-        let predicted = follower.correlation().predict(unpair(state.second), last);
+        let predicted = predict::adaptive::predict(unpair(state.second), follower.movements(), last);
         let code = codes.code(item, predicted, quantise, state);
         let bits = state.bits();
         let next = predicted.wrapping_add(quantise.difference(code, &mut state.step, bits));
-        follower.add(next.wrapping_sub(last));
+        follower.add(predict::movement(last, next));
         *value = I16F16::from_bits(next);
     }
 }
 
 /// Solves for the coefficients of channel c after frame n since the entry point where n + c is a multiple of the period,
-/// so that the divisions of a frame's channels are spread over the period.
+/// so that the work of a frame's channels is spread over the period. `sums` gives a channel's.
 #[inline(never)]
-fn solve(states: &mut [State], correlations: &[Correlation], adaptation: Adaptation, frame: u32) {
+fn solve(states: &mut [State], sums: impl Fn(usize) -> [i32; 3], adaptation: Adaptation, frame: u32) {
     let period = 1usize.wrapping_shl(adaptation.period.into());
-    let first = (frame.wrapping_neg() as usize) & period.wrapping_sub(1);
-    let mut channels = states.get_mut(first..).unwrap_or_default();
-    let mut correlations = correlations.get(first..).unwrap_or_default();
-    while let (Some(state), Some(correlation)) = (channels.first_mut(), correlations.first()) {
-        state.second = pair(correlation.solve());
-        channels = channels.get_mut(period..).unwrap_or_default();
-        correlations = correlations.get(period..).unwrap_or_default();
+    let mut channel = (frame.wrapping_neg() as usize) & period.wrapping_sub(1);
+    while let Some(state) = states.get_mut(channel) {
+        state.second = pair(predict::solve(sums(channel)));
+        channel = channel.wrapping_add(period);
     }
 }

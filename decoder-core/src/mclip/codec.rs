@@ -110,7 +110,8 @@ pub struct Adaptation {
     /// s, 1 to [`MAX_WINDOW`]: the exponential window has 2^s frames. Or [`SHORTEST`] to [`LONGEST`]: the sliding window
     /// has so many.
     pub window: u8,
-    /// p: a channel's coefficients are solved for every 2^p frames, 0 to 14.
+    /// p: a channel's coefficients are solved for every 2^p frames, 0 to 14, so that a sliding window, of at most 8 · 2^p frames,
+    /// costs no more than 8 movements a frame.
     pub period: u8,
 }
 
@@ -155,7 +156,10 @@ impl Adpcm {
         check(Field::Parameters, at, high.into(), low.into(), MAX_STEP.into())?;
         let most = if window < SHORTEST { MAX_WINDOW } else { LONGEST };
         check(Field::Parameters, at, window.into(), 0, most.into())?;
-        check(Field::Parameters, at, period.into(), 0, if window == 0 { 0 } else { 14 })?;
+        // Each time coefficients are solved for, a sliding window is gone through: at most 8 movements a channel and frame.
+        let eighths = window.wrapping_sub(1) >> 3;
+        let least = if window < SHORTEST { 0 } else { u8::BITS.wrapping_sub(eighths.leading_zeros()) };
+        check(Field::Parameters, at, period.into(), least, if window == 0 { 0 } else { 14 })?;
         let quantiser = Adaptive::new(multipliers.map(u8::cast_signed), low, high);
         let predictor = (window > 0).then_some(Adaptation { window, period });
         Ok(Self { quantiser, predictor })
@@ -245,9 +249,9 @@ impl<'a> Codec<'a> {
         }
     }
 
-    /// Whether a channel needs a [`Correlation`](crate::predict::Correlation).
-    pub const fn adapts_predictor(&self) -> bool {
-        matches!(self, Self::Adpcm(Adpcm { predictor: Some(_), .. }))
+    /// Whether a channel needs a [`Correlation`](crate::predict::Correlation): that of an exponential window.
+    pub const fn correlates(&self) -> bool {
+        matches!(self, Self::Adpcm(Adpcm { predictor: Some(adaptation), .. }) if adaptation.ring_words() == 0)
     }
 
     /// Words of a channel's ring, for a predictor with a sliding window.

@@ -1,6 +1,6 @@
 //! What decoding in place, decoding a stream and encoding have in common: a pose, and a step to the next one.
 
-use super::channels::{Channels, Choose};
+use super::channels::{At, Channels, Choose};
 use super::codec::{Codec, EntropyId};
 use super::header::Header;
 use super::octets::{self, Lanes, Loop};
@@ -9,7 +9,7 @@ use crate::bits::{BitReader, MAX_TAKE};
 use crate::entropy::huffman::{NO_TABLE, TableError};
 use crate::entropy::{AdaptiveHuffman, Huffman};
 use crate::error::{Error, Field};
-use crate::predict::Correlation;
+use crate::predict::{Correlation, Ring};
 use fixed::types::I16F16;
 
 /// The memory that a decoder needs, in elements.
@@ -24,7 +24,7 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// In bytes: 16 a channel, 16 more where the predictor adapts, and the words of windows and entropy stage.
+    /// In bytes: 16 a channel, 16 more where the predictor adapts by an exponential window, and the words of windows and entropy stage.
     pub const fn bytes(&self) -> usize {
         self.channels
             .saturating_mul(size_of::<I16F16>().saturating_add(size_of::<State>()))
@@ -40,7 +40,7 @@ pub struct Memory<'s> {
     pub pose: &'s mut [I16F16],
     /// A state for every channel.
     pub states: &'s mut [State],
-    /// An adaptive predictor for every channel, where the codec has one.
+    /// A correlation for every channel, where the predictor has an exponential window.
     pub correlations: &'s mut [Correlation],
     /// The predictors' windows and the entropy stage's.
     pub words: &'s mut [u16],
@@ -63,11 +63,11 @@ pub struct Engine<'a, 's> {
     run: Option<Loop>,
     header: Header<'a>,
     correlations: &'s mut [Correlation],
-    /// A ring for every channel, where predictors have a sliding window.
-    rings: &'s mut [u16],
+    /// A row for each frame of them, where predictors have a sliding window.
+    windows: &'s mut [u16],
     source: Source<'s>,
-    /// Frames since the entry point.
-    frame: u32,
+    /// The last frame.
+    at: At,
 }
 
 impl<'a, 's> Engine<'a, 's> {
@@ -79,9 +79,10 @@ impl<'a, 's> Engine<'a, 's> {
         let needs = header.needs();
         let tables = header.opening().tables;
         let words = lent(memory.words, needs.words, Field::CodeTables)?;
-        let of_rings = header.codec().ring_words().saturating_mul(needs.channels);
+        let length = header.codec().ring_words();
+        let of_windows = length.saturating_mul(needs.channels);
         // The needs have both, so there is enough to split.
-        let (rings, words) = words.split_at_mut_checked(of_rings).unwrap_or_default();
+        let (windows, words) = words.split_at_mut_checked(of_windows).unwrap_or_default();
         let bad_tables = Error::Encoding { field: Field::CodeTables, at: super::PREFIX_BYTES };
         let source = match header.entropy() {
             EntropyId::FixedWidth => Source::FixedWidth,
@@ -119,9 +120,9 @@ impl<'a, 's> Engine<'a, 's> {
             run,
             header,
             correlations: lent(memory.correlations, needs.correlations, Field::Correlations)?,
-            rings,
+            windows,
             source,
-            frame: 0,
+            at: At { frame: 0, row: 0, length, channels: needs.channels },
         })
     }
 
@@ -147,10 +148,9 @@ impl<'a, 's> Engine<'a, 's> {
     /// The same where the channels have no loop over octets.
     #[inline(never)]
     fn decode_other(&mut self, codes: &[u8], position: usize) -> Option<usize> {
-        let Self { header, lanes: Lanes { pose, states }, correlations, rings, source, frame, .. } = self;
-        *frame = frame.wrapping_add(1);
+        let Self { header, lanes: Lanes { pose, states }, correlations, windows, source, at, .. } = self;
         let codec = header.codec();
-        let channels = Channels { pose, states, correlations, rings, frame: *frame };
+        let channels = Channels { pose, states, correlations, windows, at };
         match source {
             Source::FixedWidth if cfg!(feature = "fixed-width") => {
                 let rest = channels.step_unpacked(codec, codes.get(position >> 3..)?)?;
@@ -217,13 +217,12 @@ impl<'a, 's> Engine<'a, 's> {
         }
         let codec = self.header.codec();
         if !(entry && codec.has_entry_values()) {
-            self.frame = self.frame.wrapping_add(1);
             let channels = Channels {
                 pose: self.lanes.pose,
                 states: self.lanes.states,
                 correlations: self.correlations,
-                rings: self.rings,
-                frame: self.frame,
+                windows: self.windows,
+                at: &mut self.at,
             };
             channels.step(codec, choose);
         }
@@ -232,7 +231,7 @@ impl<'a, 's> Engine<'a, 's> {
 
     /// Sets all but the values of channels to what it is at an entry point.
     fn reset(&mut self) {
-        self.frame = 0;
+        self.at.frame = 0;
         self.correlations.fill(Correlation::default());
         if let Source::Huffman(huffman) = &self.source {
             let shape = huffman.shape();
@@ -244,6 +243,9 @@ impl<'a, 's> Engine<'a, 's> {
                 self.lanes.states.iter_mut().for_each(State::reset_step);
             }
             if adpcm.predictor.is_some() {
+                // The first frame is to have row 0.
+                self.at.row = self.at.length;
+                Ring::clear(self.windows, self.at.channels);
                 self.lanes.states.iter_mut().for_each(|state| state.second = 0);
             }
         }

@@ -296,7 +296,7 @@ impl<'a> Header<'a> {
             _ => 0,
         };
         let words = words.saturating_add(self.codec.ring_words().saturating_mul(channels));
-        let correlations = if self.codec.adapts_predictor() { channels } else { 0 };
+        let correlations = if self.codec.correlates() { channels } else { 0 };
         Needs { channels, correlations, words }
     }
 }

@@ -20,6 +20,7 @@ mod octets;
 mod record;
 mod state;
 mod stream;
+mod workspace;
 
 pub use block::{BLOCK_HEADER_BYTES, BlockHeader};
 pub use channels::Choose;
@@ -33,3 +34,4 @@ pub use record::{
 };
 pub use state::State;
 pub use stream::{Receiver, Stream};
+pub use workspace::Workspace;

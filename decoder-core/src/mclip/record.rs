@@ -218,12 +218,12 @@ impl<'a> Channels<'a> {
     }
 
     /// Leaves joints without their names: to check those takes most of the time.
-    pub(super) const fn unnamed(self) -> Self {
+    pub(super) fn unnamed(self) -> Self {
         Self { names: Cursor { rest: &[], end: 0 }, ..self }
     }
 
     /// The byte of the clip that the next bit is in.
-    const fn at(&self) -> usize {
+    fn at(&self) -> usize {
         self.start.saturating_add(self.bits.position() >> 3)
     }
 

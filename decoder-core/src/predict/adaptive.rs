@@ -16,10 +16,10 @@ pub const MAX_REFLECTION: i32 = 15 << 10;
 
 /// Movements are kept in 512ths of a unit, up to 8 units a frame: in 13 bits, so that a window of their products is in
 /// a word.
-pub(super) const SHIFT: u32 = 7;
+const SHIFT: u32 = 7;
 
 /// Largest movement that is kept.
-pub(super) const MOST: i32 = (1 << 12) - 1;
+const MOST: i32 = (1 << 12) - 1;
 
 /// R(0) below which there was too little movement to say: sums do not decay to zero.
 const LEAST: i32 = 256;
@@ -27,67 +27,81 @@ const LEAST: i32 = 256;
 /// Largest s of a window of 2^s samples.
 pub const MAX_WINDOW: u8 = 6;
 
-/// A channel's two last movements and its autocorrelation.
+/// The movement from one decoded value to the next, as far as it is kept.
+#[inline(always)]
+pub fn movement(last: i32, next: i32) -> i16 {
+    (next.wrapping_sub(last) >> SHIFT).clamp(!MOST, MOST) as i16
+}
+
+/// The prediction after `last`, by the coefficients α₁ and α₂ and the movements d(n − 1) and d(n − 2). Two 16-bit
+/// multiplies.
+#[inline(always)]
+pub const fn predict([first, second]: [i16; 2], [newest, before]: [i16; 2], last: i32) -> i32 {
+    // Below 2^28 each.
+    let first = (first as i32).wrapping_mul(newest as i32);
+    let second = (second as i32).wrapping_mul(before as i32);
+    last.wrapping_add(first.wrapping_add(second) >> (14 - SHIFT))
+}
+
+/// The products of a movement with itself and with the two before it.
+#[inline(always)]
+fn products(movement: i16, [newest, before]: [i16; 2]) -> [i32; 3] {
+    [movement, newest, before].map(|other| i32::from(movement).wrapping_mul(i32::from(other)))
+}
+
+/// The coefficients α₁ and α₂ that solve (7-16) for R(0), R(1) and R(2), as far as the bound on reflection coefficients
+/// lets them; both 0 where there was too little movement to say.
+pub fn solve([r0, r1, r2]: [i32; 3]) -> [i16; 2] {
+    if r0 < LEAST {
+        return [0, 0];
+    }
+    // R(0) in 15 bits, the others with it. R(1) and R(2) are kept below R(0), as those of a signal are.
+    let shift = 17u32.saturating_sub(r0.leading_zeros());
+    let (r0, r1, r2) = (r0 >> shift, r1 >> shift, r2 >> shift);
+    let (r1, r2) = (clamp(r1, r0), clamp(r2, r0));
+    let first = ratio(r1, r0);
+    let error = r0.wrapping_sub(first.wrapping_mul(r1) >> 14).max(1);
+    let second = ratio(r2.wrapping_sub(first.wrapping_mul(r1) >> 14), error);
+    let both = first.wrapping_mul(second) >> 14;
+    // Below 2 and 1 in magnitude, so they fit.
+    [first.wrapping_sub(both) as i16, second as i16]
+}
+
+/// A channel's two last movements and its autocorrelation over an exponential window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Correlation {
     /// d(n − 1) and d(n − 2).
-    pub(super) movements: [i16; 2],
-    /// R(0), R(1) and R(2), sums of products, decaying or of a window; below 2³¹.
-    pub(super) sums: [i32; 3],
+    movements: [i16; 2],
+    /// R(0), R(1) and R(2), sums of products that decay; below 2³¹.
+    sums: [i32; 3],
 }
 
 impl Correlation {
     /// A channel that has not moved.
     pub const EMPTY: Self = Self { movements: [0; 2], sums: [0; 3] };
 
-    /// The prediction after `last`. Two 16-bit multiplies.
+    /// d(n − 1) and d(n − 2).
     #[inline(always)]
-    pub const fn predict(&self, [first, second]: [i16; 2], last: i32) -> i32 {
-        let [newest, before] = self.movements;
-        // Below 2^28 each.
-        let first = (first as i32).wrapping_mul(newest as i32);
-        let second = (second as i32).wrapping_mul(before as i32);
-        last.wrapping_add(first.wrapping_add(second) >> (14 - SHIFT))
+    pub const fn movements(&self) -> [i16; 2] {
+        self.movements
     }
 
-    /// Takes in the movement from one decoded value to the next. `window` is s, 1 to [`MAX_WINDOW`]. Three 16-bit
-    /// multiplies.
+    /// R(0), R(1) and R(2).
     #[inline(always)]
-    pub fn add(&mut self, movement: i32, window: u32) {
-        let new = (movement >> SHIFT).clamp(!MOST, MOST);
-        let [newest, before] = self.movements;
-        let [r0, r1, r2] = &mut self.sums;
-        decay(r0, new.wrapping_mul(new), window);
-        decay(r1, new.wrapping_mul(i32::from(newest)), window);
-        decay(r2, new.wrapping_mul(i32::from(before)), window);
-        self.movements = [new as i16, newest];
+    pub const fn sums(&self) -> [i32; 3] {
+        self.sums
     }
 
-    /// The coefficients α₁ and α₂ that solve (7-16) for the sums, as far as the bound on reflection coefficients lets
-    /// them; both 0 where there was too little movement to say.
-    pub fn solve(&self) -> [i16; 2] {
-        let [r0, r1, r2] = self.sums;
-        if r0 < LEAST {
-            return [0, 0];
+    /// Takes in a [movement]. `window` is s, 1 to [`MAX_WINDOW`]. Three 16-bit multiplies.
+    #[inline(always)]
+    pub fn add(&mut self, movement: i16, window: u32) {
+        let [newest, _] = self.movements;
+        for (sum, product) in self.sums.iter_mut().zip(products(movement, self.movements)) {
+            // Products are at most 2^24 in magnitude, so sums are at most 2^30 + 2^24.
+            *sum = sum.wrapping_sub(sum.wrapping_shr(window)).wrapping_add(product);
         }
-        // R(0) in 15 bits, the others with it. R(1) and R(2) are kept below R(0), as those of a signal are.
-        let shift = 17u32.saturating_sub(r0.leading_zeros());
-        let (r0, r1, r2) = (r0 >> shift, r1 >> shift, r2 >> shift);
-        let (r1, r2) = (clamp(r1, r0), clamp(r2, r0));
-        let first = ratio(r1, r0);
-        let error = r0.wrapping_sub(first.wrapping_mul(r1) >> 14).max(1);
-        let second = ratio(r2.wrapping_sub(first.wrapping_mul(r1) >> 14), error);
-        let both = first.wrapping_mul(second) >> 14;
-        // Below 2 and 1 in magnitude, so they fit.
-        [first.wrapping_sub(both) as i16, second as i16]
+        self.movements = [movement, newest];
     }
-}
-
-/// Takes 2^−s off a sum and adds a product.
-#[inline(always)]
-fn decay(sum: &mut i32, product: i32, window: u32) {
-    // Products are at most 2^24 in magnitude, so sums are at most 2^30 + 2^24.
-    *sum = sum.wrapping_sub(sum.wrapping_shr(window)).wrapping_add(product);
 }
 
 fn clamp(value: i32, most: i32) -> i32 {
@@ -106,7 +120,7 @@ mod tests {
     use crate::testing::{Random, times};
 
     fn solved(sums: [i32; 3]) -> [f64; 2] {
-        Correlation { movements: [0; 2], sums }.solve().map(|c| f64::from(c) / f64::from(ONE))
+        solve(sums).map(|c| f64::from(c) / f64::from(ONE))
     }
 
     #[test]
@@ -159,11 +173,11 @@ mod tests {
                         }
                     }
                 };
-                channel.add(movement, window);
+                channel.add(super::movement(0, movement), window);
                 let [r0, r1, r2] = channel.sums;
                 let most = (1 << 30) + (1 << 24);
                 assert!((0..=most).contains(&r0) && r1.abs() <= most && r2.abs() <= most);
-                channel.predict(channel.solve(), movement);
+                predict(solve(channel.sums), channel.movements, movement);
             }
         }
     }
@@ -177,10 +191,10 @@ mod tests {
         for n in 0..2000 {
             let x = ((f64::from(n) * 0.3).sin() * 20.0 * 65536.0) as i32;
             if n > 200 {
-                own += f64::from(channel.predict(channel.solve(), before[0]) - x).abs();
+                own += f64::from(predict(solve(channel.sums), channel.movements, before[0]) - x).abs();
                 naive += f64::from(2 * before[0] - before[1] - x).abs();
             }
-            channel.add(x - before[0], 5);
+            channel.add(movement(before[0], x), 5);
             before = [x, before[0]];
         }
         assert!(own < naive / 2.0, "{own} {naive}");

@@ -6,9 +6,9 @@ pub mod adaptive;
 pub mod fixed;
 pub mod window;
 
-pub use adaptive::Correlation;
+pub use adaptive::{Correlation, movement, solve};
 pub use fixed::{Constant, First, FirstByHalves, Predict, Second};
-pub use window::Slots;
+pub use window::Ring;
 
 /// A coefficient of 1 of the adaptive predictor.
 pub const ONE: i16 = 1 << 14;

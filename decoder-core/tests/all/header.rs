@@ -201,7 +201,7 @@ fn what_adapts_is_read_as_it_is_written_and_in_its_ranges() {
         let header = Header::parse(&changed, LIMITS)?;
         let Codec::Adpcm(adpcm) = header.codec() else { panic!("another codec") };
         assert_eq!(adpcm.bytes(), parameters.as_slice());
-        assert_eq!(header.needs().correlations > 0, window > 0);
+        assert_eq!(header.needs().correlations > 0, (1..=6).contains(&window));
         Ok(())
     };
     assert_eq!(with(0, 199, 0, 0), Ok(()));
@@ -211,6 +211,15 @@ fn what_adapts_is_read_as_it_is_written_and_in_its_ranges() {
     assert_eq!(with(9, 8, 0, 0), Err(malformed(Field::Parameters, 8, 9, 199)));
     assert_eq!(with(0, 199, 7, 0), Err(malformed(Field::Parameters, 7, 0, 6)));
     assert_eq!(with(0, 199, 6, 15), Err(malformed(Field::Parameters, 15, 0, 14)));
+    // A sliding window is gone through at most eight words a frame.
+    for (window, least) in [(15, 1), (16, 1), (17, 2), (32, 2), (33, 3), (64, 3), (65, 4), (120, 4)] {
+        assert_eq!(with(0, 199, window, least), Ok(()));
+        let below = u32::from(least) - 1;
+        assert_eq!(
+            with(0, 199, window, least - 1),
+            Err(malformed(Field::Parameters, below, least.into(), 14))
+        );
+    }
     assert_eq!(with(0, 199, 0, 1), Err(malformed(Field::Parameters, 1, 0, 0)));
 }
 

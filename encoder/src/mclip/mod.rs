@@ -33,6 +33,10 @@ pub use max::Density;
 pub use target::{Encoded, Target};
 pub use writer::certify;
 
+/// What a rotation counts for at least, in cm: as if it moved one point at this distance from its axis. A bone has a girth, and a face or a
+/// hand at it, which joints do not show: by joints alone a head that turns about its neck, which moves none, is off by 25 degrees.
+const LEVER_CM: f64 = 10.0;
+
 /// How values are predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub enum Predictor {
@@ -44,7 +48,8 @@ pub enum Predictor {
     Second,
     /// Second order, adapted by the decoder (7-15 to 7-18); only adpcm has it.
     Adaptive {
-        /// 1 to 14: the exponential window has 2 to this power frames; 15 to 120: the sliding window has so many.
+        /// 1 to 6: the exponential window has 2 to this power frames; 15 to 120: the sliding window has so many, at most
+        /// 8 · 2^period.
         window: u8,
         /// Coefficients are solved for every 2 to this power frames.
         period: u8,
@@ -231,9 +236,14 @@ impl<'m> Encoder<'m> {
         pairs.map(|((a, b), weight)| weight * (f64::from(*a) - f64::from(*b)).powi(2)).sum()
     }
 
-    /// The step of every channel in words, where a step moves the joints by `cm`.
+    /// The step of every channel in words, where a step moves the joints by `cm`; a rotation by no more than a point at
+    /// [`LEVER_CM`].
     fn steps(&self, cm: f64) -> Vec<f64> {
-        self.source.weights.iter().map(|weight| 65536.0 * cm / weight.sqrt()).collect()
+        let least = (LEVER_CM * 1_f64.to_radians()).powi(2);
+        let channels = self.source.weights.iter().zip(&self.skeleton.channels);
+        let weights = channels
+            .map(|(&weight, channel)| weight.max(if channel.kind.is_rotation() { least } else { 0.0 }));
+        weights.map(|weight| 65536.0 * cm / weight.sqrt()).collect()
     }
 
     fn plan<'p>(&'p self, settings: &Settings, parameters: &'p [u8], choices: &[Choice]) -> Plan<'p> {
@@ -308,6 +318,20 @@ mod tests {
             }
         }
         all
+    }
+
+    /// By the positions of joints alone nobody would see that the head turns.
+    #[test]
+    fn what_moves_no_joint_is_seen_too() {
+        let clip = sample::clip();
+        let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
+        let yaw = clip.skeleton.channel("head.ry").unwrap();
+        let coarse = 0.5;
+        let decoded = decode(&encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Step(coarse))).unwrap();
+        let off = |frame: usize| (decoded.frame(frame)[yaw] - clip.motion.frame(frame)[yaw]).abs();
+        // A step, 2.9 degrees; rounding towards zero makes the error larger than half of it.
+        let step = (coarse / LEVER_CM).to_degrees();
+        assert!((0..decoded.frames()).all(|frame| off(frame) < step), "{step}");
     }
 
     /// Every frame by way of a stream, in chunks of `size` bytes.

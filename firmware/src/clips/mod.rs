@@ -28,8 +28,9 @@
 mod with_live;
 mod worker;
 
+pub use decoder_core::mclip::Workspace;
 pub use with_live::{ClipOrLive, WithLive};
-pub use worker::{Post, Worker, Workspace, decode};
+pub use worker::{Post, Worker, decode};
 
 use crate::stage::Library;
 use crate::store::{Lease, Mapped, Store};

@@ -11,45 +11,8 @@ use core::convert::Infallible;
 use core::future::{Future, poll_fn};
 use core::pin::Pin;
 use core::task::{Context, Poll, Waker};
-use decoder_core::mclip::{self, MAGIC, Memory, State};
-use decoder_core::predict::Correlation;
+use decoder_core::mclip::{self, MAGIC, Workspace};
 use decoder_core::{Error, Field, I16F16, Limits, qmd};
-
-/// Memory of a decoder: for clips of `C` channels, `K` adaptive predictors (0 or C), and `W` 16-bit words of entropy
-/// stage and windows. 16 C + 16 K + 2 W bytes.
-#[derive(Debug)]
-pub struct Workspace<const C: usize, const K: usize, const W: usize> {
-    pose: [I16F16; C],
-    states: [State; C],
-    correlations: [Correlation; K],
-    words: [u16; W],
-}
-
-impl<const C: usize, const K: usize, const W: usize> Workspace<C, K, W> {
-    /// What decoders may need, as a store asks for it.
-    pub const CAPACITY: mclip::Needs = mclip::Needs { channels: C, correlations: K, words: W };
-
-    /// Memory.
-    pub const fn new() -> Self {
-        Self {
-            pose: [I16F16::ZERO; C],
-            states: [State::EMPTY; C],
-            correlations: [Correlation::EMPTY; K],
-            words: [0; W],
-        }
-    }
-
-    const fn lend(&mut self) -> Memory<'_> {
-        let Self { pose, states, correlations, words } = self;
-        Memory { pose, states, correlations, words }
-    }
-}
-
-impl<const C: usize, const K: usize, const W: usize> Default for Workspace<C, K, W> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
 
 /// What a decoder is asked.
 #[derive(Clone, Copy)]
@@ -144,7 +107,7 @@ pub async fn decode<const C: usize, const K: usize, const W: usize>(
             Request::Open(bytes) => {
                 let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
                 let clip = qmd::Clip::parse(bytes, limits);
-                match clip.and_then(|clip| clip.decoder(&mut memory.pose, None)) {
+                match clip.and_then(|clip| clip.decoder(memory.lend().pose, None)) {
                     Ok(decoder) => serve(post, decoder).await,
                     Err(error) => Err(PlayError::Clip(error)),
                 }

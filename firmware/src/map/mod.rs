@@ -8,6 +8,7 @@
 use crate::clock::MAX_TICK_HZ;
 use crate::dynamixel::MAX_ID;
 use crate::limits::{FINE_BITS, Limits, MAX_VELOCITY, clamp};
+use crate::voice::PlayError;
 use core::ops::Range;
 use decoder_core::I16F16;
 use heapless::Vec;
@@ -18,7 +19,7 @@ mod error;
 pub use error::MapError;
 
 /// Version of the bytes, their first one.
-const VERSION: u8 = 2;
+const VERSION: u8 = 3;
 
 /// Most servos of the maps that this project's host and boards exchange (`N` of [`JointMap`]).
 pub const MAX_SERVOS: usize = 32;
@@ -209,6 +210,8 @@ pub struct Settings {
     pub min_millivolts: u16,
     /// Silence in ms after which servos with a watchdog of their own stop; 0: not armed.
     pub servo_watchdog_millis: u16,
+    /// Channels that clips must have, so that one of another skeleton is refused; 0: as many as the joints need, or more.
+    pub channels: u16,
 }
 
 impl Settings {
@@ -225,6 +228,7 @@ impl Settings {
             temperature_limit: 70,
             min_millivolts: 0,
             servo_watchdog_millis: 200,
+            channels: 0,
         }
     }
 
@@ -363,6 +367,21 @@ impl<const N: usize> JointMap<N> {
         &self.joints
     }
 
+    /// Whether a clip of so many channels can be played.
+    ///
+    /// # Errors
+    /// [`PlayError::Channels`], [`PlayError::Channel`].
+    pub fn check_channels(&self, channels: usize) -> Result<(), PlayError> {
+        let expected = self.settings.channels;
+        if expected > 0 && usize::from(expected) != channels {
+            return Err(PlayError::Channels { found: channels, expected });
+        }
+        let missing = self.joints.iter().find(|joint| usize::from(joint.channel) >= channels);
+        missing.map_or(Ok(()), |joint| {
+            Err(PlayError::Channel { id: joint.id, channel: joint.channel, channels })
+        })
+    }
+
     /// Whether the servo of joint `index` tells where it is.
     pub fn reads(&self, index: usize) -> bool {
         let bus = self.joints.get(index).and_then(|joint| self.buses.get(usize::from(joint.bus)));
@@ -441,6 +460,7 @@ mod tests {
             temperature_limit: 255,
             min_millivolts: most,
             servo_watchdog_millis: most,
+            channels: most,
         };
         let bus = BusSpec { kind: BusKind::Blender, baud: u32::MAX };
         let buses = [bus; MAX_BUSES].into_iter().collect();

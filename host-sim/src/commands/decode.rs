@@ -3,11 +3,13 @@
 use anyhow::{Context, Result, bail};
 use encoder::export;
 use encoder::import::{self, amc};
-use host_sim::files;
+use host_sim::{files, puppet};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Decode a clip into AMC, BVH or CSV.
+///
+/// Of a clip that was made for a puppet, the channels that it does not have are 0.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku decode walk.qmd --skeleton 02.asf -o walk.amc")]
 pub struct Args {
@@ -32,10 +34,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let skeleton = import::load_skeleton(&args.skeleton)?;
     let bytes = files::read(&args.clip)?;
     let mut motion = super::input::decode(&args.clip, &bytes)?;
-    let (found, expected) = (motion.channels, skeleton.channels.len());
-    if found != expected {
-        bail!("{} has {found} channels, but {} has {expected}", args.clip.display(), args.skeleton.display());
-    }
+    let found = motion.channels;
+    motion = puppet::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
     if let Some(fps) = args.fps {
         motion.fps = fps;
     } else if motion.fps == 0.0 {

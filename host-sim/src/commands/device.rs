@@ -1,9 +1,9 @@
 //! `bunraku device`: a puppet's controller on virtual servos.
 
 use super::servos::Listen;
-use anyhow::{Result, anyhow};
+use anyhow::Result;
 use host_sim::device::{self, Config, Listener};
-use host_sim::puppet::Puppet;
+use host_sim::puppet::{Channels, Puppet};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -55,10 +55,7 @@ pub struct Args {
 /// A sentence about the puppet, the flash or the port.
 pub fn run(args: Args) -> Result<ExitCode> {
     let puppet = Puppet::read(&args.puppet)?;
-    let skeleton = args.skeleton.or_else(|| puppet.skeleton()).ok_or_else(|| {
-        anyhow!("{} names no skeleton, expected the key \"skeleton\" or --skeleton", args.puppet.display())
-    })?;
-    let map = puppet.map(&encoder::import::load_skeleton(&skeleton)?)?;
+    let map = puppet.map(Channels::of_clips(&puppet, args.skeleton)?)?;
     let listener = match &args.listen {
         Listen::Tcp(address) => Listener::tcp(address)?,
         Listen::Pty => pty()?,

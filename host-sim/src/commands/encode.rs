@@ -50,7 +50,7 @@ pub struct Args {
     /// What adapts (--codec adpcm).
     #[arg(long, value_enum, default_value_t = Adapt::Predictor)]
     adapt: Adapt,
-    /// Window of a predictor that adapts: the last 15 to 120 frames, or an exponential one of 2^1 to 2^14 (1 to 14).
+    /// Window of a predictor that adapts: the last 15 to 120 frames, or an exponential one of 2^1 to 2^6 (1 to 6).
     #[arg(long, value_name = "FRAMES", default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=120))]
     window: u8,
     /// Levels of the table (--codec qmd, .mclip).

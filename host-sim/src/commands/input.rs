@@ -1,9 +1,11 @@
 //! Arguments that several commands share: what is read, and how it is coded.
 
+use super::frames::FrameRange;
 use anyhow::{Context, Result, bail};
 use encoder::Clip;
 use encoder::qmd::Method;
 use host_sim::files;
+use host_sim::puppet::Puppet;
 use std::path::{Path, PathBuf};
 
 /// How a motion file is read.
@@ -15,6 +17,13 @@ pub struct Source {
     /// Frames per second: of an AMC, which has no rate of its own (120 unless given), or instead of a BVH's.
     #[arg(long, value_name = "F")]
     pub fps: Option<f64>,
+    /// Only these frames, from 0 on and the last one left out: `1..` leaves out the first, which is often a T-pose.
+    #[arg(long, value_name = "FIRST..END")]
+    frames: Option<FrameRange>,
+    /// Only the channels that this puppet's joints follow, in its order. Such a clip needs no skeleton to be played, and is all that the
+    /// puppet's controller has to hold and decode. Errors are those of the skeleton's joints with all else at rest.
+    #[arg(long, value_name = "PUPPET.toml")]
+    puppet: Option<PathBuf>,
 }
 
 impl Source {
@@ -23,7 +32,14 @@ impl Source {
         if is_clip(path) {
             bail!("{} is a compressed clip, expected a motion (.amc or .bvh)", path.display());
         }
-        Ok(encoder::import::load(path, self.skeleton.as_deref(), self.fps)?)
+        let mut clip = encoder::import::load(path, self.skeleton.as_deref(), self.fps)?;
+        if let Some(frames) = self.frames {
+            clip.motion = frames.of(path, &clip.motion)?;
+        }
+        match &self.puppet {
+            Some(puppet) => Puppet::read(puppet)?.followed(&clip),
+            None => Ok(clip),
+        }
     }
 
     /// The motion in a .amc, .bvh, .qmd or .mclip file; a clip takes its skeleton from `reference`, whose channels it

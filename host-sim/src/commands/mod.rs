@@ -7,6 +7,7 @@ pub mod demo;
 pub mod device;
 pub mod emulate;
 pub mod encode;
+mod frames;
 pub mod image;
 pub mod info;
 mod input;

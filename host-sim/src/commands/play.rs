@@ -6,7 +6,7 @@ use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::play::{self, Recording, seconds};
 use host_sim::ports;
-use host_sim::puppet::{Map, Puppet};
+use host_sim::puppet::{Channels, Map, Puppet};
 use host_sim::rp2040js;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -189,13 +189,8 @@ pub fn rate(path: &Path, clip: &Clip<'_>, fps: Option<f64>) -> Result<u16> {
 
 /// The joint map of a puppet for the clip at `path`.
 pub fn map(path: &Path, clip: &Clip<'_>, puppet: &Path, skeleton: Option<PathBuf>) -> Result<Map> {
-    let file = Puppet::read(puppet)?;
-    let skeleton = super::puppet::skeleton(&file, puppet, skeleton)?;
-    let (found, expected) = (clip.channels(), skeleton.channels.len());
-    if found != expected {
-        bail!("{} has {found} channels, expected {expected} as in the skeleton", path.display());
-    }
-    file.map(&skeleton)
+    let puppet = Puppet::read(puppet)?;
+    puppet.map(Channels::of_played(path, clip, &puppet, skeleton)?)
 }
 
 fn centihertz(fps: f64) -> Result<u16> {

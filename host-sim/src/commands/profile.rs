@@ -9,7 +9,7 @@ use host_sim::profile::baseline::Baseline;
 use host_sim::profile::parts::{PARTS, Part};
 use host_sim::profile::report::{Budget, Container, Simulation, Subject, Table, Ticks};
 use host_sim::profile::{CoreReport, Report, html, measure};
-use host_sim::puppet::{self, Map, Puppet};
+use host_sim::puppet::{self, Channels, Map, Puppet};
 use host_sim::thumb::Core;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -125,7 +125,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if let (Clip::Mclip(_), Some(_)) = (&clip, args.table) {
         bail!("{name} is a .mclip, whose decoder is always lent its memory: --table is for a .qmd");
     }
-    let map = map(&args, &name, &clip)?;
+    let map = map(&args, &clip)?;
     let own_rate = f64::from(clip.rate_centihertz()) / 100.0;
     let Some(clip_hz) = args.rate.or((own_rate > 0.0).then_some(own_rate)) else {
         bail!("{name} does not say its frame rate: give one with --rate");
@@ -233,20 +233,15 @@ fn cores(args: &Args) -> Vec<Core> {
 }
 
 /// The joint map of the puppet that was named.
-fn map(args: &Args, name: &str, clip: &Clip<'_>) -> Result<Option<Map>> {
+fn map(args: &Args, clip: &Clip<'_>) -> Result<Option<Map>> {
     let Some(path) = &args.puppet else { return Ok(None) };
     let puppet = Puppet::read(path)?;
-    // The embedded sample brings its skeleton.
-    let skeleton = match args.skeleton.clone().or_else(|| puppet.skeleton()) {
-        Some(skeleton) => encoder::import::load_skeleton(&skeleton)?,
-        None if args.clip.is_none() => encoder::sample::clip().skeleton,
-        None => bail!("{} names no skeleton, expected the key \"skeleton\" or --skeleton", path.display()),
+    let channels = match &args.clip {
+        Some(path) => Channels::of_played(path, clip, &puppet, args.skeleton.clone())?,
+        // The embedded sample brings its skeleton.
+        None => Channels::from(&encoder::sample::clip().skeleton),
     };
-    let (found, expected) = (clip.channels(), skeleton.channels.len());
-    if found != expected {
-        bail!("{name} has {found} channels, expected {expected} as in the skeleton");
-    }
-    puppet.map(&skeleton).map(Some)
+    puppet.map(channels).map(Some)
 }
 
 fn container(clip: &Clip<'_>, table: Table) -> Container {

@@ -13,7 +13,7 @@ use std::time::Duration;
 /// Stream a clip to a device while it plays; nothing is written to its flash.
 ///
 /// The device buffers some blocks ahead, and bridges what does not come. Where nobody streams any more it stops, as its puppet's
-/// policy says, and reports the link as lost.
+/// policy says, and reports the link as lost. Where frames were made up since the line is too slow for the clip, it says so.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku stream tcp:127.0.0.1:4100 dance.mclip")]
 pub struct Args {
@@ -40,17 +40,24 @@ pub fn run(args: Args) -> Result<ExitCode> {
         Settings { hold_millis: args.hold, patience: Duration::from_secs(args.retry), plays: true };
     let report = stream(&args.port.name, args.port.baud, &parts, settings, &mut |_| ())
         .with_context(|| format!("cannot stream {name}"))?;
+    let (needs, carries) = (parts.bits_per_second().round(), report.bits_per_second().round());
     let Streaming { progress, counters } =
         report.last.and_then(|telemetry| telemetry.stream).unwrap_or_default();
     if args.json {
         let report = json!({
             "blocks": report.blocks, "breaks": report.breaks, "frames": progress.frames, "counters": counters,
+            "clip_bits_per_second": needs, "line_bits_per_second": carries,
         });
         println!("{report:#}");
     } else {
         println!(
             "{name}: {} blocks; {} frames played, {} made up, {} eased; {} lines broke",
             report.blocks, counters.played, counters.concealed, counters.eased, report.breaks
+        );
+    }
+    if counters.concealed > 0 && carries < needs {
+        eprintln!(
+            "warning: the clip needs {needs:.0} bits per second and the line carried {carries:.0}: take a faster line (--baud, as the device has it), or encode the clip in fewer bits"
         );
     }
     Ok(ExitCode::SUCCESS)

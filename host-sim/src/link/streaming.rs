@@ -33,6 +33,7 @@ pub struct Parts<'a> {
     header: usize,
     blocks: Vec<Block>,
     frames: u32,
+    rate_centihertz: u16,
 }
 
 impl<'a> Parts<'a> {
@@ -64,11 +65,24 @@ impl<'a> Parts<'a> {
             blocks.push(block);
             at = end;
         }
-        Ok(Self { clip, header, blocks, frames: parsed.frames() })
+        let rate_centihertz = parsed.header().rate_centihertz();
+        Ok(Self { clip, header, blocks, frames: parsed.frames(), rate_centihertz })
     }
 
-    fn bytes(&self, block: &Block) -> &'a [u8] {
-        self.clip.get(block.bytes.clone()).unwrap_or_default()
+    /// As many blocks from `next` on as a packet holds, `most` at most: their bytes, and how many they are.
+    fn packet(&self, next: usize, most: usize) -> (&'a [u8], usize) {
+        let blocks = self.blocks.get(next..).unwrap_or_default();
+        let start = blocks.first().map_or(0, |block| block.bytes.start);
+        let fits = |block: &&Block| block.bytes.end - start <= DATA_BYTES;
+        let packet = blocks.iter().take(most).take_while(fits);
+        let (end, count) = packet.fold((start, 0), |(_, count), block| (block.bytes.end, count + 1));
+        (self.clip.get(start..end).unwrap_or_default(), count)
+    }
+
+    /// Bits per second of the blocks, which a line has to carry while the clip plays.
+    pub fn bits_per_second(&self) -> f64 {
+        let bytes = self.clip.len().saturating_sub(self.header);
+        bytes as f64 * 8.0 * f64::from(self.rate_centihertz) / 100.0 / f64::from(self.frames.max(1))
     }
 
     /// The block to go on with after a break, of those from `next` on, which the device does not have: that one, or where it is too
@@ -101,8 +115,18 @@ pub struct Report {
     pub blocks: usize,
     /// Lines that broke.
     pub breaks: u32,
+    /// Bytes of the packets that were answered, and the time from their sending to their answers.
+    pub carried: (usize, Duration),
     /// The last telemetry while it played.
     pub last: Option<Telemetry>,
+}
+
+impl Report {
+    /// Bits of blocks per second that the line and the device have taken; 0 where there was none.
+    pub fn bits_per_second(&self) -> f64 {
+        let (bytes, time) = self.carried;
+        if time.is_zero() { 0.0 } else { bytes as f64 * 8.0 / time.as_secs_f64() }
+    }
 }
 
 /// Streams a clip to its end, and tells `told` all telemetry.
@@ -124,7 +148,7 @@ pub fn stream(
         full: 0,
         started: false,
         heard: Instant::now(),
-        report: Report { blocks: 0, breaks: 0, last: None },
+        report: Report { blocks: 0, breaks: 0, carried: (0, Duration::ZERO), last: None },
     };
     let mut client = Client::open(name, baud)?;
     run.begin(&mut client)?;
@@ -222,20 +246,23 @@ impl Run<'_> {
 
     /// Sends what there is room for, and takes a telemetry; true at the end.
     fn go_on(&mut self, client: &mut Client, told: &mut dyn FnMut(&Telemetry)) -> Result<bool> {
-        while let Some(block) = self.parts.blocks.get(self.next) {
-            if self.room == 0 {
+        loop {
+            // Each packet waits for a tick of the device, so short blocks go together.
+            let (bytes, blocks) = self.parts.packet(self.next, self.room.into());
+            if blocks == 0 {
                 break;
             }
-            let bytes = self.parts.bytes(block);
-            let full = self.full;
+            let (full, asked) = (self.full, Instant::now());
             self.ask(client, &Request::Packet { bytes })?;
+            self.report.carried.0 += bytes.len();
+            self.report.carried.1 += asked.elapsed();
             // What was said before the device had it says nothing of the room that there is now.
             client.forget_events();
             if self.full > full {
                 break;
             }
-            self.next += 1;
-            self.report.blocks += 1;
+            self.next += blocks;
+            self.report.blocks += blocks;
         }
         if !self.started && self.settings.plays {
             client.command(Command::Play { clip: LIVE, repeats: false }).context("cannot play the stream")?;
@@ -281,7 +308,8 @@ mod tests {
         let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
         let clip = encoder.encode(&Coding::new(CodecId::Dpcm), Quality::Bits(8));
         let parts = Parts::new(&clip).unwrap();
-        let blocks: Vec<u8> = parts.blocks.iter().flat_map(|block| parts.bytes(block)).copied().collect();
+        let each = (0..parts.blocks.len()).map(|block| parts.packet(block, 1));
+        let blocks: Vec<u8> = each.flat_map(|(bytes, _)| bytes).copied().collect();
         assert_eq!([&clip[..parts.header], &blocks].concat(), clip);
         let ends: Vec<u32> = parts.blocks.iter().map(|block| block.first_frame + block.frames).collect();
         assert_eq!(ends.last(), Some(&480));
@@ -304,5 +332,30 @@ mod tests {
         let next = at(ends[0], 0);
         assert!(parts.blocks.get(next).is_none_or(|block| block.entry && block.first_frame >= ends[0]));
         assert!(Parts::new(&clip[..clip.len() / 2]).is_err());
+        // 480 frames at 60 fps.
+        assert_eq!(parts.bits_per_second(), blocks.len() as f64);
+    }
+
+    #[test]
+    fn short_blocks_go_together_as_far_as_there_is_room() {
+        let sample = encoder::sample::clip();
+        let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
+        let settings = Coding { block_bytes: 200, ..Coding::new(CodecId::Dpcm) };
+        let clip = encoder.encode(&settings, Quality::Bits(8));
+        let parts = Parts::new(&clip).unwrap();
+        let (mut next, mut packets, mut sent) = (0, 0, parts.clip[..parts.header].to_vec());
+        loop {
+            let (bytes, blocks) = parts.packet(next, 8);
+            if blocks == 0 {
+                break;
+            }
+            assert!(bytes.len() <= DATA_BYTES && blocks <= 8);
+            sent.extend_from_slice(bytes);
+            (next, packets) = (next + blocks, packets + 1);
+        }
+        assert_eq!((next, sent), (parts.blocks.len(), clip.clone()));
+        assert!(packets * 4 <= next, "{packets} packets for {next} blocks");
+        assert_eq!(parts.packet(0, 0).1, 0);
+        assert_eq!(parts.packet(0, 2).1, 2);
     }
 }

@@ -1,10 +1,9 @@
 //! A joint's entry in numbers that a device uses.
 
 use super::file::Entry;
-use super::{Mistakes, Puppet, models, no_channel};
+use super::{Channels, Mistakes, Puppet, models};
 use anyhow::Result;
 use decoder_core::I16F16;
-use encoder::skeleton::{ChannelKind, Skeleton};
 use firmware::limits::{FINE_BITS, MAX_VELOCITY};
 use firmware::map::{BusKind, Idle, Joint};
 use toml::Spanned;
@@ -41,11 +40,11 @@ impl Puppet {
         entry: &Entry,
         bus: u8,
         kind: BusKind,
-        skeleton: &Skeleton,
+        channels: &Channels,
         mistakes: &mut Mistakes,
     ) -> Option<Joint> {
         let (lowest, highest, per_degree) = servo(kind);
-        let channel = mistakes.note(self.channel(entry, per_degree, skeleton));
+        let channel = mistakes.note(self.channel(entry, per_degree, channels));
         let sign = mistakes.note(match &entry.direction {
             None => Ok(1.0),
             Some(direction) => match *direction.get_ref() {
@@ -124,13 +123,12 @@ impl Puppet {
         })
     }
 
-    fn channel(&self, entry: &Entry, per_degree: f64, skeleton: &Skeleton) -> Result<Channel> {
+    fn channel(&self, entry: &Entry, per_degree: f64, channels: &Channels) -> Result<Channel> {
         let name = entry.channel.get_ref();
-        let Some(index) = skeleton.channel(name) else {
-            return Err(self.wrong(&entry.channel, &no_channel(name, skeleton)));
+        let Some((index, kind)) = channels.find(name) else {
+            return Err(self.wrong(&entry.channel, &channels.missing(name)));
         };
-        let kind = skeleton.channels[index].kind;
-        let turns = matches!(kind, ChannelKind::Rx | ChannelKind::Ry | ChannelKind::Rz);
+        let turns = kind.is_rotation();
         let scale = match &entry.scale {
             Some(scale) => self.positive(scale, I16F16::MAX.to_num())?,
             None if turns => per_degree,

@@ -43,7 +43,6 @@
 
 use crate::files;
 use anyhow::{Context, Result, anyhow, bail};
-use encoder::skeleton::Skeleton;
 use firmware::map::{
     BusKind, BusSpec, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy, Settings, bytes_len,
 };
@@ -53,11 +52,13 @@ use toml::Spanned;
 
 pub mod budget;
 pub mod calibrate;
+mod channels;
 mod file;
 mod joint;
 pub mod models;
 pub mod rehearse;
 
+pub use channels::{Channels, on_skeleton};
 use file::{Curve, Entry, File, OnFault};
 
 /// The servos of this project's puppets, as the device gets them.
@@ -148,13 +149,13 @@ impl Puppet {
         }
     }
 
-    /// The joint map: names resolved in `skeleton`, units converted.
+    /// The joint map of clips with these channels (a skeleton's, or a clip's own): names resolved, units converted.
     ///
     /// # Errors
     /// A sentence that names the file, the line, the key, what was found, and what was expected: the first of those
     /// that [`check`](Self::check) gives.
-    pub fn map(&self, skeleton: &Skeleton) -> Result<Map> {
-        self.check(skeleton).map_err(|mistakes| {
+    pub fn map(&self, channels: impl Into<Channels>) -> Result<Map> {
+        self.check(channels).map_err(|mistakes| {
             mistakes.into_iter().next().unwrap_or_else(|| anyhow!("{}", self.path.display()))
         })
     }
@@ -163,10 +164,11 @@ impl Puppet {
     ///
     /// # Errors
     /// A sentence for each mistake, one at least.
-    pub fn check(&self, skeleton: &Skeleton) -> Result<Map, Vec<anyhow::Error>> {
+    pub fn check(&self, channels: impl Into<Channels>) -> Result<Map, Vec<anyhow::Error>> {
+        let channels = channels.into();
         let mut mistakes = Mistakes::default();
         let buses = mistakes.note(self.buses());
-        let settings = mistakes.note(self.settings());
+        let settings = mistakes.note(self.settings(&channels));
         let mut joints: Vec<(u8, Joint)> = Vec::new();
         for (index, entry) in self.file.joint.iter().enumerate() {
             let earlier = self.file.joint.iter().take(index);
@@ -185,7 +187,7 @@ impl Puppet {
             let kind = bus.and_then(|bus| buses.as_ref()?.get(usize::from(bus)).map(|bus| bus.kind));
             let kind = kind.unwrap_or(BusKind::Dynamixel);
             joints.extend(
-                self.joint(entry, bus.unwrap_or(0), kind, skeleton, &mut mistakes)
+                self.joint(entry, bus.unwrap_or(0), kind, &channels, &mut mistakes)
                     .map(|joint| (joint.bus, joint)),
             );
         }
@@ -239,7 +241,7 @@ impl Puppet {
         (&self.path, &self.text)
     }
 
-    fn settings(&self) -> Result<Settings> {
+    fn settings(&self, channels: &Channels) -> Result<Settings> {
         let file = &self.file;
         let fallback = Settings::new(*file.servo_hz.get_ref());
         let scaled = |value: &Option<Spanned<f64>>, scale: f64, most: f64, fallback: u16| match value {
@@ -267,6 +269,7 @@ impl Puppet {
             temperature_limit: file.temperature_limit.unwrap_or(fallback.temperature_limit),
             min_millivolts: scaled(&file.min_volts, 1000.0, 60.0, fallback.min_millivolts)?,
             servo_watchdog_millis: file.servo_watchdog_ms.unwrap_or(fallback.servo_watchdog_millis),
+            channels: u16::try_from(channels.len()).unwrap_or(0),
             ..fallback
         })
     }
@@ -316,8 +319,8 @@ impl Puppet {
     ///
     /// # Errors
     /// As [`map`](Self::map).
-    pub fn map_bytes(&self, skeleton: &Skeleton) -> Result<Vec<u8>> {
-        to_bytes(&self.map(skeleton)?)
+    pub fn map_bytes(&self, channels: impl Into<Channels>) -> Result<Vec<u8>> {
+        to_bytes(&self.map(channels)?)
     }
 
     fn wrong<T>(&self, value: &Spanned<T>, why: &str) -> anyhow::Error {
@@ -338,28 +341,6 @@ pub(crate) fn place(text: &str, span: Range<usize>) -> String {
         Some((key, _)) => format!(", line {number}, key \"{}\"", key.trim()),
         None => format!(", line {number}"),
     }
-}
-
-/// Says that a skeleton lacks a channel, and which it may have meant.
-pub(crate) fn no_channel(name: &str, skeleton: &Skeleton) -> String {
-    let joint_name = name.split('.').next().unwrap_or(name);
-    if let Some(joint) = skeleton.joints.iter().find(|joint| joint.name == joint_name) {
-        let channels: Vec<_> = skeleton.channels[joint.channels.clone()].iter().map(|c| &*c.name).collect();
-        return match channels.is_empty() {
-            true => format!("\"{name}\" is no channel: the skeleton's joint \"{joint_name}\" does not move"),
-            false => {
-                format!("\"{name}\" is no channel of the skeleton; its joint has {}", channels.join(", "))
-            }
-        };
-    }
-    let mut near: Vec<_> = skeleton
-        .channels
-        .iter()
-        .map(|channel| (strsim::levenshtein(name, &channel.name), &channel.name))
-        .collect();
-    near.sort();
-    let near: Vec<_> = near.iter().take(3).map(|(_, name)| name.as_str()).collect();
-    format!("the skeleton has no joint \"{joint_name}\"; the nearest channels are {}", near.join(", "))
 }
 
 #[cfg(test)]
@@ -457,7 +438,7 @@ mod tests {
             let text = format!("servo_hz = 50\n{lines}\n[[joint]]\n{ELBOW}\n");
             Puppet::parse(Path::new("puppet.toml"), text)?.map(&encoder::sample::clip().skeleton)
         };
-        assert_eq!(*with("baud = 1").unwrap().settings(), Settings::new(50));
+        assert_eq!(*with("baud = 1").unwrap().settings(), Settings { channels: 31, ..Settings::new(50) });
         let all = "baud = 1\ninterpolation = 'linear'\non_fault = 'torque-off'\nease_seconds = 1.5\nease_speed = 1\n\
                    fade_seconds = 0\ntemperature_limit = 60\nmin_volts = 9.5\nservo_watchdog_ms = 0";
         let expected = Settings {
@@ -470,6 +451,7 @@ mod tests {
             temperature_limit: 60,
             min_millivolts: 9500,
             servo_watchdog_millis: 0,
+            channels: 31,
         };
         assert_eq!(*with(all).unwrap().settings(), expected);
         let errors = [

@@ -4,6 +4,7 @@ use super::Named;
 use super::chart::{Axis, Chart, Line, Look, Marker, Panel};
 use super::curve::{Curve, Sweep};
 use super::sweep;
+use crate::puppet::Channels;
 use anyhow::{Result, bail};
 use encoder::mclip::Quality;
 use std::io::Write;
@@ -55,7 +56,7 @@ pub struct Error<'t> {
 pub fn trace(named: &Named, channel: &str, curves: &[Curve], bits: &[u8]) -> Result<Trace> {
     let skeleton = &named.clip.skeleton;
     let Some(index) = skeleton.channel(channel) else {
-        bail!("{}: {}", named.name, crate::puppet::no_channel(channel, skeleton));
+        bail!("{}: {}", named.name, Channels::from(skeleton).missing(channel));
     };
     let mut motion = named.clip.motion.clone();
     motion.unwrap_angles(skeleton);

@@ -2,11 +2,10 @@
 
 use crate::clip::Clip;
 use crate::files;
-use crate::puppet::{Map, Puppet, place};
+use crate::puppet::{Channels, Map, Puppet, place};
 use crate::servos::{Deed, config};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use decoder_core::mclip::Prefix;
-use encoder::skeleton::Skeleton;
 use firmware::clock::Speed;
 use firmware::machine::{After, Command, Show};
 use firmware::script;
@@ -133,16 +132,11 @@ impl Program {
         })?;
         let beside =
             |other: &Path| path.parent().map_or_else(|| other.to_owned(), |folder| folder.join(other));
-        let puppet_path = beside(&file.puppet);
-        let puppet = Puppet::read(&puppet_path)?;
-        let skeleton =
-            file.skeleton.as_deref().map(beside).or_else(|| puppet.skeleton()).ok_or_else(|| {
-                anyhow!("{}: expected `skeleton`, since {} names none", path.display(), puppet_path.display())
-            })?;
-        let skeleton = encoder::import::load_skeleton(&skeleton)?;
-        let map = puppet.map(&skeleton)?;
+        let puppet = Puppet::read(&beside(&file.puppet))?;
+        let channels = Channels::of_clips(&puppet, file.skeleton.as_deref().map(beside))?;
+        let map = puppet.map(channels.clone())?;
         let joints = map.joints().iter().map(|joint| puppet.name_of(joint).to_owned()).collect();
-        let clips = clips(&file, beside, &skeleton)?;
+        let clips = clips(&file, beside, &channels)?;
         let wrong = |span, why: &str| anyhow!("{}{}: {why}", path.display(), place(&text, span));
         let number = |name: &str| clips.iter().position(|(there, ..)| there == name);
         let numbered = |name: &Spanned<String>| {
@@ -218,7 +212,7 @@ impl Program {
 fn clips(
     file: &File,
     beside: impl Fn(&Path) -> PathBuf,
-    skeleton: &Skeleton,
+    channels: &Channels,
 ) -> Result<Vec<(String, PathBuf, Vec<u8>)>> {
     ensure!(
         file.clip.len() <= MOST_CLIPS,
@@ -233,12 +227,7 @@ fn clips(
         }
         let bytes = files::read(&path)?;
         let clip = Clip::parse(&path, &bytes)?;
-        let (found, expected) = (clip.channels(), skeleton.channels.len());
-        ensure!(
-            found == expected,
-            "{} has {found} channels, expected {expected} as in the skeleton",
-            path.display()
-        );
+        channels.fit(&path, &clip)?;
         ensure!(clip.rate_centihertz() > 0, "{} does not say its frame rate", path.display());
         clips.push((name, path, bytes));
     }

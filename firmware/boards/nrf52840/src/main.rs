@@ -1,28 +1,36 @@
-//! nRF52840 DK: the servo bus on UARTE 0, the trigger on button 1. What is wired where is in README.md.
+//! nRF52840 DK: the servo bus on UARTE 0, a host on UARTE 1, the trigger on button 1. What is wired where is in README.md.
 //!
 //! Between ticks and bytes the core sleeps by WFE, and time is RTC 1's.
 #![no_std]
 #![no_main]
 
-use board_support::{Puppet, Wiring, buffers};
+mod clips;
+
+use board_support::{Host, Puppet, Wiring, buffers, host_buffers};
+use clips::{LAYOUT, flash};
 use core::ptr::{read_volatile, write_volatile};
 use embassy_executor::Spawner;
 use embassy_nrf::bind_interrupts;
 use embassy_nrf::buffered_uarte::{BufferedUarte, InterruptHandler};
 use embassy_nrf::config::{Config, HfclkSource, LfclkSource};
 use embassy_nrf::gpio::{Input, Level, Output, OutputDrive, Pull};
-use embassy_nrf::peripherals::UARTE0;
+use embassy_nrf::peripherals::{UARTE0, UARTE1};
 use embassy_nrf::uarte::{self, Baudrate};
 use embassy_nrf::wdt::{self, Watchdog};
 use firmware::bus::port::Line;
+use firmware::device::Identity;
 use firmware::machine::Start;
 
 bind_interrupts!(struct Interrupts {
     UARTE0 => InterruptHandler<UARTE0>;
+    UARTE1 => InterruptHandler<UARTE1>;
 });
 
 /// Silence of the player after which the controller starts again, in 1/32768 s.
 const WATCHDOG_TICKS: u32 = 32_768 / 2;
+
+/// The core's clock, which is always that.
+const CLOCK_HZ: u32 = 64_000_000;
 
 /// RESETREAS (nRF52840 Product Specification, POWER): why the controller was reset; ones are written to forget.
 const RESETREAS: *mut u32 = 0x4000_0400 as *mut u32;
@@ -50,6 +58,28 @@ async fn main(_spawner: Spawner) {
         received,
         sent,
     );
+    // Its own rate is 115,200 bit/s.
+    let (sent, received) = host_buffers();
+    let host_line = BufferedUarte::new(
+        chip.UARTE1,
+        chip.TIMER1,
+        chip.PPI_CH2,
+        chip.PPI_CH3,
+        chip.PPI_GROUP1,
+        chip.P0_08,
+        chip.P0_06,
+        Interrupts,
+        uarte::Config::default(),
+        received,
+        sent,
+    );
+    let identity = Identity {
+        name: "nRF52840 DK".try_into().unwrap_or_default(),
+        clock_hz: CLOCK_HZ,
+        data_bytes: 512,
+        flash_stalls: true,
+    };
+    let host = Host { line: host_line, store: Some((flash(chip.NVMC), LAYOUT)), identity };
     let mut config = wdt::Config::default();
     config.timeout_ticks = WATCHDOG_TICKS;
     let Ok((_watchdog, [mut handle])) = Watchdog::try_new(chip.WDT, config) else {
@@ -65,7 +95,7 @@ async fn main(_spawner: Spawner) {
         start,
         simulated: false,
     };
-    puppet.play(wiring).await;
+    puppet.serve(wiring, host).await;
 }
 
 /// Both crystals and the DC/DC converter of the DK. The UART needs the fast crystal: the internal oscillator may be 8 % off.

@@ -1,8 +1,7 @@
 //! The linked-in clips, each with a decoder of its own.
 
-use decoder_core::mclip::{self, State};
-use decoder_core::predict::Correlation;
-use decoder_core::{Error, I16F16, Limits, qmd};
+use decoder_core::mclip::{self, Workspace};
+use decoder_core::{Error, Limits, qmd};
 use firmware::voice::Frames;
 use heapless::Vec;
 
@@ -10,21 +9,12 @@ include!(concat!(env!("OUT_DIR"), "/clips.rs"));
 
 /// What a decoder is lent: enough for the clip that needs most.
 pub struct Memory {
-    pose: [I16F16; CHANNELS],
-    states: [State; CHANNELS],
-    correlations: [Correlation; CORRELATIONS],
-    words: [u16; WORDS],
+    space: Workspace<CHANNELS, CORRELATIONS, WORDS>,
     table: [i32; TABLE],
 }
 
 impl Memory {
-    pub const EMPTY: Self = Self {
-        pose: [I16F16::ZERO; CHANNELS],
-        states: [State::EMPTY; CHANNELS],
-        correlations: [Correlation::EMPTY; CORRELATIONS],
-        words: [0; WORDS],
-        table: [0; TABLE],
-    };
+    pub const EMPTY: Self = Self { space: Workspace::EMPTY, table: [0; TABLE] };
 }
 
 /// A clip before its first frame.
@@ -49,11 +39,11 @@ pub fn open(memories: &mut [Memory; COUNT]) -> Result<Vec<Decoder<'_>, COUNT>, E
 }
 
 fn one<'s>(file: &'static [u8], memory: &'s mut Memory) -> Result<Decoder<'s>, Error> {
-    let Memory { pose, states, correlations, words, table } = memory;
+    let Memory { space, table } = memory;
     if file.starts_with(&mclip::MAGIC) {
         let clip = mclip::Clip::parse(file, Limits::MAX)?.verify()?;
-        return Ok(Decoder::Mclip(clip.decoder(mclip::Memory { pose, states, correlations, words })?));
+        return Ok(Decoder::Mclip(clip.decoder(space.lend())?));
     }
     let clip = qmd::Clip::parse(file, Limits::MAX)?;
-    Ok(Decoder::Qmd(clip.decoder(pose, Some(table))?))
+    Ok(Decoder::Qmd(clip.decoder(space.lend().pose, Some(table))?))
 }

@@ -6,7 +6,7 @@
 mod clips;
 
 use board_support::{Busy, Host, IdleLine, Puppet, Wiring, buffers, host_buffers};
-use clips::{Clips, LAYOUT};
+use clips::{LAYOUT, flash};
 use embassy_executor::Spawner;
 use embassy_rp::bind_interrupts;
 use embassy_rp::clocks::clk_sys_freq;
@@ -52,7 +52,7 @@ async fn main(_spawner: Spawner) {
         data_bytes: 512,
         flash_stalls: true,
     };
-    let host = Host { line, flash: Clips::new(chip.FLASH), layout: LAYOUT, identity };
+    let host = Host { line, store: Some((flash(chip.FLASH), LAYOUT)), identity };
     watchdog.start(WATCHDOG);
     let wiring = Wiring {
         uart: IdleLine::new(Uart(uart), baud),

@@ -1,26 +1,34 @@
-//! Black Pill: the servo bus on USART 1, the trigger on the button KEY. What is wired where is in README.md.
+//! Black Pill: the servo bus on USART 1, a host on USART 2, the trigger on the button KEY. What is wired where is in README.md.
 #![no_std]
 #![no_main]
 
-use board_support::{Puppet, Wiring, buffers};
+use board_support::{Host, NoFlash, Puppet, Wiring, buffers, host_buffers};
 use core::ptr::{read_volatile, write_volatile};
 use embassy_executor::Spawner;
 use embassy_stm32::bind_interrupts;
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
-use embassy_stm32::peripherals::USART1;
+use embassy_stm32::peripherals::{USART1, USART2};
 use embassy_stm32::rcc::{APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllSource, Sysclk};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUart, Config};
 use embassy_stm32::wdg::IndependentWatchdog;
 use firmware::bus::port::Line;
+use firmware::device::Identity;
 use firmware::machine::Start;
 
 bind_interrupts!(struct Interrupts {
     USART1 => BufferedInterruptHandler<USART1>;
+    USART2 => BufferedInterruptHandler<USART2>;
 });
 
 /// Silence of the player after which the controller starts again.
 const WATCHDOG_US: u32 = 500_000;
+
+/// The core's clock, as `clocks` sets it up.
+const CLOCK_HZ: u32 = 100_000_000;
+
+/// Bits per second of the host's line.
+const HOST_BAUD: u32 = 115_200;
 
 /// RCC_CSR (RM0383): why the controller was reset.
 const RCC_CSR: *mut u32 = 0x4002_3874 as *mut u32;
@@ -43,6 +51,22 @@ async fn main(_spawner: Spawner) {
         Ok(uart) => uart,
         Err(error) => defmt::panic!("{} baud: {}", baud, defmt::Debug2Format(&error)),
     };
+    let mut config = Config::default();
+    config.baudrate = HOST_BAUD;
+    let (sent, received) = host_buffers();
+    let host_line = BufferedUart::new(chip.USART2, chip.PA3, chip.PA2, sent, received, Interrupts, config);
+    let host_line = match host_line {
+        Ok(line) => line,
+        Err(error) => defmt::panic!("{} baud: {}", HOST_BAUD, defmt::Debug2Format(&error)),
+    };
+    let identity = Identity {
+        name: "Black Pill".try_into().unwrap_or_default(),
+        clock_hz: CLOCK_HZ,
+        data_bytes: 512,
+        flash_stalls: false,
+    };
+    // Erasing a sector of its flash would stop everything for longer than both watchdogs bear.
+    let host = Host { line: host_line, store: None::<(NoFlash, _)>, identity };
     let mut watchdog = IndependentWatchdog::new(chip.IWDG, WATCHDOG_US);
     watchdog.unleash();
     let wiring = Wiring {
@@ -54,7 +78,7 @@ async fn main(_spawner: Spawner) {
         start,
         simulated: false,
     };
-    puppet.play(wiring).await;
+    puppet.serve(wiring, host).await;
 }
 
 /// 100 MHz from the Black Pill's crystal of 25 MHz.

@@ -48,10 +48,8 @@ type Decoder = Workspace<CHANNELS, CHANNELS, WORDS>;
 pub struct Host<H, F> {
     /// The line; its reads and writes are buffered.
     pub line: H,
-    /// Flash that is mapped into memory.
-    pub flash: F,
-    /// Where clips are in it.
-    pub layout: Layout,
+    /// Flash that is mapped into memory, and where clips are in it. Where there is none, uploads are refused.
+    pub store: Option<(F, Layout)>,
     /// What the device says of itself.
     pub identity: Identity,
 }
@@ -70,14 +68,14 @@ impl Puppet {
     {
         let map = &self.map;
         let Wiring { uart, direction, line, trigger, feed, start, simulated } = wiring;
-        let Host { line: host, flash, layout, identity } = host;
+        let Host { line: host, store, identity } = host;
         if let Err(error) = clip::check() {
             defmt::panic!("clip: {}", error);
         }
-        let store = match Store::mount(flash, layout, Decoder::CAPACITY) {
+        let store = store.map(|(flash, layout)| match Store::mount(flash, layout, Decoder::CAPACITY) {
             Ok(store) => store,
             Err(error) => defmt::panic!("flash: {}", error),
-        };
+        });
         let mut poses = [[I16F16::ZERO; CHANNELS]; 6];
         let [first_pose, second_pose, poses @ ..] = poses.each_mut().map(|pose| &mut pose[..]);
         let (buffer, header, block, first, second) = memory();
@@ -88,7 +86,7 @@ impl Puppet {
         let workers =
             [Worker::new(first, &posts[0], first_pose), Worker::new(second, &posts[1], second_pose)];
         let linked = [clip::CLIP];
-        let clips = Clips::new(&linked, Some(store), &live, workers);
+        let clips = Clips::new(&linked, store, &live, workers);
         let mut machine = Machine::new(map, clips, SHOW, start);
         let mut bus = DynamixelBus::<_, _, _>::new(Client::new(Port::new(uart, direction, Delay, line)));
         defmt::info!("{} bytes of motion on {} servos", clip::CLIP.len(), map.joints().len());

@@ -9,6 +9,8 @@ mod buffers;
 #[cfg_attr(mclip, path = "clip_mclip.rs")]
 #[cfg_attr(not(mclip), path = "clip_qmd.rs")]
 mod clip;
+#[cfg(feature = "link")]
+mod flash;
 #[cfg(feature = "rtt")]
 mod halt;
 #[cfg(feature = "link")]
@@ -20,6 +22,8 @@ mod show;
 pub use buffers::buffers;
 #[cfg(feature = "link")]
 pub use buffers::host_buffers;
+#[cfg(feature = "link")]
+pub use flash::{InPlace, NoFlash};
 #[cfg(feature = "link")]
 pub use host::Host;
 pub use idle_line::{Busy, IdleLine};

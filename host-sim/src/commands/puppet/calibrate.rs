@@ -5,7 +5,7 @@ use firmware::bus::{Reading, ServoBus};
 use firmware::map::{BusKind, BusSpec};
 use host_sim::ports::{self, SerialBus};
 use host_sim::puppet::calibrate::Measured;
-use host_sim::puppet::{Named, Puppet};
+use host_sim::puppet::{Channels, Named, Puppet};
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -104,9 +104,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     // A home that is no longer within its range, for instance.
     let after = Puppet::read(&args.puppet)?;
-    if let Some(path) = after.skeleton()
-        && let Err(mistakes) = after.check(&encoder::import::load_skeleton(&path)?)
-    {
+    if let Err(mistakes) = after.check(Channels::of_clips(&after, None)?) {
         mistakes.iter().for_each(|mistake| eprintln!("bunraku: {mistake:#}"));
         return Ok(ExitCode::from(crate::FAILED));
     }

@@ -1,8 +1,6 @@
 //! `bunraku puppet check`.
 
-use super::skeleton;
-use anyhow::{Context, Result, bail};
-use encoder::skeleton::{ChannelKind, Skeleton};
+use anyhow::{Context, Result};
 use firmware::limits::FINE_BITS;
 use firmware::map::Joint;
 use host_sim::clip::Clip;
@@ -10,7 +8,7 @@ use host_sim::files;
 use host_sim::ports;
 use host_sim::puppet::budget::{BusTime, bus_times};
 use host_sim::puppet::rehearse::{Demand, rehearse};
-use host_sim::puppet::{Map, Puppet};
+use host_sim::puppet::{Channels, Map, Puppet};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -70,8 +68,16 @@ struct JointReport<'a> {
 
 pub fn run(args: Args) -> Result<ExitCode> {
     let puppet = Puppet::read(&args.puppet)?;
-    let skeleton = skeleton(&puppet, &args.puppet, args.skeleton)?;
-    let map = match puppet.check(&skeleton) {
+    let bytes = args.clip.as_deref().map(files::read).transpose()?;
+    let clip = match (&args.clip, &bytes) {
+        (Some(path), Some(bytes)) => Some((path, Clip::parse(path, bytes)?)),
+        _ => None,
+    };
+    let channels = match &clip {
+        Some((path, clip)) => Channels::of_played(path, clip, &puppet, args.skeleton)?,
+        None => Channels::of_clips(&puppet, args.skeleton)?,
+    };
+    let map = match puppet.check(channels.clone()) {
         Ok(map) => map,
         Err(mistakes) => {
             let sentences: Vec<String> = mistakes.iter().map(|mistake| format!("{mistake:#}")).collect();
@@ -83,24 +89,14 @@ pub fn run(args: Args) -> Result<ExitCode> {
             return Ok(ExitCode::from(crate::FAILED));
         }
     };
-    let demands = match &args.clip {
+    let demands = match &clip {
         None => None,
-        Some(path) => {
-            let bytes = files::read(path)?;
-            let clip = Clip::parse(path, &bytes)?;
-            if clip.channels() != skeleton.channels.len() {
-                bail!(
-                    "{} has {} channels, expected {} as in the skeleton",
-                    path.display(),
-                    clip.channels(),
-                    skeleton.channels.len()
-                );
-            }
+        Some((path, clip)) => {
             let demands = clip.decode(|frames| rehearse(frames, &map));
             Some(demands.with_context(|| format!("cannot play {}", path.display()))?)
         }
     };
-    let report = report(&puppet, &map, &skeleton, args.return_delay, demands);
+    let report = report(&puppet, &map, &channels, args.return_delay, demands);
     if args.json {
         println!("{:#}", serde_json::to_value(&report)?);
     } else {
@@ -112,22 +108,22 @@ pub fn run(args: Args) -> Result<ExitCode> {
 fn report<'a>(
     puppet: &'a Puppet,
     map: &Map,
-    skeleton: &'a Skeleton,
+    channels: &'a Channels,
     return_delay_us: f64,
     demands: Option<Vec<Demand>>,
 ) -> Report<'a> {
     let names = puppet.bus_names();
     let hz = f64::from(map.tick_hz());
     let joint = |(index, joint): (usize, &Joint)| {
-        let channel = &skeleton.channels[usize::from(joint.channel)];
-        let turns = matches!(channel.kind, ChannelKind::Rx | ChannelKind::Ry | ChannelKind::Rz);
+        let channel = channels.name(joint.channel.into());
+        let turns = channels.find(channel).is_some_and(|(_, kind)| kind.is_rotation());
         let scale = joint.scale.to_num::<f64>();
         let value = |goal: i32| f64::from(goal - joint.zero) / scale;
         let (one, other) = (value(joint.min), value(joint.max));
         let per_second = |fine: i32| f64::from(fine) / f64::from(1 << FINE_BITS) / scale.abs() * hz;
         JointReport {
             name: puppet.name_of(joint),
-            channel: &channel.name,
+            channel,
             unit: if turns { "°" } else { "cm" },
             bus: names.get(usize::from(joint.bus)).cloned().unwrap_or_default(),
             id: joint.id,

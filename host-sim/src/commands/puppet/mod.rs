@@ -4,10 +4,7 @@ mod calibrate;
 mod check;
 mod scan;
 
-use anyhow::{Result, anyhow};
-use encoder::skeleton::Skeleton;
-use host_sim::puppet::Puppet;
-use std::path::{Path, PathBuf};
+use anyhow::Result;
 use std::process::ExitCode;
 
 /// Check a puppet.toml, find its servos on real ports, and measure its joints by hand.
@@ -33,12 +30,4 @@ pub fn run(args: Args) -> Result<ExitCode> {
         Command::Scan(args) => scan::run(args),
         Command::Calibrate(args) => calibrate::run(args),
     }
-}
-
-/// The skeleton in `given`, or the one that the puppet names.
-pub fn skeleton(puppet: &Puppet, path: &Path, given: Option<PathBuf>) -> Result<Skeleton> {
-    let skeleton = given.or_else(|| puppet.skeleton()).ok_or_else(|| {
-        anyhow!("{} names no skeleton, expected the key \"skeleton\" or --skeleton", path.display())
-    })?;
-    Ok(encoder::import::load_skeleton(&skeleton)?)
 }
