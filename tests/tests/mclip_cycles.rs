@@ -178,7 +178,7 @@ const TARGETS: [&str; 2] = ["thumbv7em-none-eabi", "thumbv6m-none-eabi"];
 const CORES: [Core; 2] = [Core::M4, Core::M0Plus];
 
 /// How many times as fast the table is at least.
-const LEAST_RATIO: f64 = 3.5;
+const LEAST_RATIO: f64 = 3.0;
 
 /// Mean cycles of a frame on M4 and M0+, in the order of the cases.
 const BUDGETS: [[f64; 2]; 15] = [
