@@ -4,6 +4,8 @@ use super::input::{self, Quality, is_mclip};
 use anyhow::{Context, Result};
 use clap::ValueEnum;
 use decoder_core::mclip::{CodecId, EntropyId};
+use decoder_core::predict::adaptive::MAX_WINDOW;
+use decoder_core::predict::window::{LONGEST, SHORTEST};
 use encoder::Clip;
 use encoder::mclip::{Density, Encoder, Predictor, Settings, Target};
 use encoder::metrics::Evaluator;
@@ -51,8 +53,11 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Adapt::Predictor)]
     adapt: Adapt,
     /// Window of a predictor that adapts: the last 15 to 120 frames, or an exponential one of 2^1 to 2^6 (1 to 6).
-    #[arg(long, value_name = "FRAMES", default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=120))]
+    #[arg(long, value_name = "FRAMES", default_value_t = 5, value_parser = window)]
     window: u8,
+    /// Frames from one adaptation of a channel's predictor to the next, a power of two; a window of frames is at most 8 times as long.
+    #[arg(long, value_name = "FRAMES", default_value_t = 16, value_parser = period)]
+    adapt_every: u16,
     /// Levels of the table (--codec qmd, .mclip).
     #[arg(long, value_enum, default_value_t = Levels::Fitted)]
     levels: Levels,
@@ -153,6 +158,22 @@ impl Levels {
     }
 }
 
+/// A window of an adaptive predictor.
+fn window(text: &str) -> Result<u8, String> {
+    match text.parse() {
+        Ok(window @ (1..=MAX_WINDOW | SHORTEST..=LONGEST)) => Ok(window),
+        _ => Err(format!("found {text:?}, expected 1 to {MAX_WINDOW}, or {SHORTEST} to {LONGEST}")),
+    }
+}
+
+/// A power of two that a header can say.
+fn period(text: &str) -> Result<u16, String> {
+    match text.parse() {
+        Ok(frames @ 1..=16384) if u16::is_power_of_two(frames) => Ok(frames),
+        _ => Err(format!("found {text:?}, expected 1, 2, 4 … or 16384")),
+    }
+}
+
 /// A number above 0.
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
@@ -173,6 +194,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     if !in_blocks && (args.target_error.is_some() || args.target_rate.is_some()) {
         usage(&format!("{output}: a target needs a .mclip; for a .qmd there is bunraku optimize"));
+    }
+    if args.window >= SHORTEST && u16::from(args.window) > args.adapt_every.saturating_mul(8) {
+        let (window, every) = (args.window, args.adapt_every);
+        usage(&format!("--window is {window}, expected at most 8 times --adapt-every, which is {every}"));
     }
     let (low, high) = if in_blocks { (1, settings(&args, codec).most_bits()) } else { (8, 16) };
     if let Some(bits) = args.bits.filter(|bits| !(low..=high).contains(bits)) {
@@ -226,7 +251,10 @@ fn settings(args: &Args, codec: Codec) -> Settings {
             Predictor::Second
         } else {
             match standard.predictor {
-                Predictor::Adaptive { period, .. } => Predictor::Adaptive { window: args.window, period },
+                Predictor::Adaptive { .. } => {
+                    let period = args.adapt_every.ilog2() as u8;
+                    Predictor::Adaptive { window: args.window, period }
+                }
                 fixed => fixed,
             }
         },
