@@ -70,6 +70,11 @@ fn a_frame_of_62_channels_is_within_its_budget() {
             6,
         ),
         case(
+            "adpcm, adaptive predictor, window of 16 every 64 frames, 6 bits",
+            window(fixed(CodecId::Adpcm), 16, 6),
+            6,
+        ),
+        case(
             "adpcm, adaptive predictor, window of 120 every 16 frames, 6 bits",
             window(fixed(CodecId::Adpcm), 120, 4),
             6,

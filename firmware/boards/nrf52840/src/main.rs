@@ -6,7 +6,7 @@
 
 mod clips;
 
-use board_support::{Host, Puppet, Wiring, buffers, host_buffers};
+use board_support::{Hobby, Host, Puppet, Wiring, buffers, host_buffers};
 use clips::{LAYOUT, flash};
 use core::ptr::{read_volatile, write_volatile};
 use embassy_executor::Spawner;
@@ -95,7 +95,7 @@ async fn main(_spawner: Spawner) {
         start,
         simulated: false,
     };
-    puppet.serve(wiring, host).await;
+    puppet.serve(wiring, host, Hobby::NONE).await;
 }
 
 /// Both crystals and the DC/DC converter of the DK. The UART needs the fast crystal: the internal oscillator may be 8 % off.

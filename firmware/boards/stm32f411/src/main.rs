@@ -2,7 +2,7 @@
 #![no_std]
 #![no_main]
 
-use board_support::{Host, NoFlash, Puppet, Wiring, buffers, host_buffers};
+use board_support::{Hobby, Host, NoFlash, Puppet, Wiring, buffers, host_buffers};
 use core::ptr::{read_volatile, write_volatile};
 use embassy_executor::Spawner;
 use embassy_stm32::bind_interrupts;
@@ -78,7 +78,7 @@ async fn main(_spawner: Spawner) {
         start,
         simulated: false,
     };
-    puppet.serve(wiring, host).await;
+    puppet.serve(wiring, host, Hobby::NONE).await;
 }
 
 /// 100 MHz from the Black Pill's crystal of 25 MHz.

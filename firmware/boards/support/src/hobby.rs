@@ -1,7 +1,9 @@
 //! Hobby servos beside the servo bus: on a PCA9685, and on the controller's own PWM pins.
 
+use core::convert::Infallible;
 use embassy_time::Delay;
-use embedded_hal_async::i2c::I2c;
+use embedded_hal::pwm;
+use embedded_hal_async::i2c::{self, I2c};
 use firmware::bus::ServoBus;
 use firmware::bus::mixed::{Mixed, Part, Parts, mixed};
 use firmware::map::{BusKind, JointMap, MAX_SERVOS};
@@ -14,6 +16,38 @@ pub struct Hobby<I, P, const N: usize> {
     pub i2c: Option<I>,
     /// Channels that run with this timing.
     pub pwm: Option<([P; N], Timing)>,
+}
+
+/// An I2C bus or a PWM channel that a board has not.
+pub enum Nothing {}
+
+impl i2c::ErrorType for Nothing {
+    type Error = Infallible;
+}
+
+impl I2c for Nothing {
+    async fn transaction(&mut self, _: u8, _: &mut [i2c::Operation<'_>]) -> Result<(), Infallible> {
+        match *self {}
+    }
+}
+
+impl pwm::ErrorType for Nothing {
+    type Error = Infallible;
+}
+
+impl SetDutyCycle for Nothing {
+    fn max_duty_cycle(&self) -> u16 {
+        match *self {}
+    }
+
+    fn set_duty_cycle(&mut self, _: u16) -> Result<(), Infallible> {
+        match *self {}
+    }
+}
+
+impl Hobby<Nothing, Nothing, 0> {
+    /// A board without hobby servos.
+    pub const NONE: Self = Self { i2c: None, pwm: None };
 }
 
 /// The servo bus of a puppet with hobby servos.

@@ -26,6 +26,7 @@ pub use buffers::buffers;
 pub use buffers::host_buffers;
 #[cfg(feature = "link")]
 pub use flash::{InPlace, NoFlash};
+#[cfg(feature = "link")]
 pub use hobby::Hobby;
 #[cfg(feature = "link")]
 pub use host::Host;
