@@ -1,7 +1,7 @@
 //! A clip block by block while it plays.
 
 use super::client::{Client, LinkError};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, anyhow, bail};
 use decoder_core::Limits;
 use decoder_core::mclip::{Clip, PREFIX_BYTES, Prefix};
 use firmware::clips::LIVE;
@@ -265,7 +265,12 @@ impl Run<'_> {
             self.report.blocks += blocks;
         }
         if !self.started && self.settings.plays {
-            client.command(Command::Play { clip: LIVE, repeats: false }).context("cannot play the stream")?;
+            let play = Command::Play { clip: LIVE, repeats: false };
+            if let Err(error) = client.command(play) {
+                // Nothing plays that our silence could harm: it is no fault.
+                self.hold(client, 0)?;
+                return Err(anyhow!(error).context("cannot play the stream"));
+            }
         }
         self.started = true;
         // A block may be a second of motion: between them the device hears that we are here.

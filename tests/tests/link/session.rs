@@ -201,6 +201,27 @@ fn a_stream_goes_on_over_lines_that_break_for_a_moment() {
     });
 }
 
+/// A clip of other channels is no clip for this puppet, and that it was refused no fault.
+#[test]
+fn a_stream_that_is_refused_leaves_nothing_behind() {
+    let clip = sample::clip();
+    let map = map("sample.toml", &clip.skeleton);
+    let kept = [clip.skeleton.channel("head.ry").unwrap()];
+    let other =
+        Clip { skeleton: clip.skeleton.with_channels(&kept), motion: clip.motion.with_channels(&kept) };
+    let bytes = encode(&other);
+    with_device(&map, &Config::default(), |port| {
+        let parts = Parts::new(&bytes).unwrap();
+        let hold_millis = 300;
+        let settings = streaming::Settings { hold_millis, patience: Duration::ZERO, plays: true };
+        let error = stream(port, BAUD, &parts, settings, &mut |_| {}).unwrap_err();
+        assert!(format!("{error:#}").contains("the clip has 1 channels, expected 31"), "{error:#}");
+        std::thread::sleep(Duration::from_millis(u64::from(hold_millis) * 2));
+        let mut client = Client::open(port, BAUD).unwrap();
+        assert_eq!(until(&mut client, "heard", |_| true).fault, None);
+    });
+}
+
 #[test]
 fn several_hosts_at_once() {
     let clip = sample::clip();
