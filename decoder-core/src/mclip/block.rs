@@ -164,11 +164,12 @@ impl Cursor {
         self.entry = false;
         self.plain = self.end.saturating_sub(1);
         self.position = position;
-        self.frame = self.frame.wrapping_add(1);
+        let next = self.frame.wrapping_add(1);
         let used = position.wrapping_add(7) >> 3;
-        if self.is_done() && used != codes.len() {
+        if next >= self.end && used != codes.len() {
             return Err(self.too_long(codes.len(), used));
         }
+        self.frame = next;
         Ok(true)
     }
 

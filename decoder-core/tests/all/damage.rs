@@ -231,6 +231,14 @@ fn codes_of_another_length_than_the_block_are_refused() {
     assert_eq!(end, error(offsets[1]));
     assert!(frames.len() >= before && sound.starts_with(&frames));
     assert_eq!(streamed(&longer, 61), (frames, error(offsets[1] - start)));
+    // The clip's last block, after whose last frame there would be no more.
+    let last = offsets.len() - 1;
+    let longer = with_block(&bytes, last, |_, codes| codes.push(0));
+    let (frames, end) = in_place(&longer);
+    assert_eq!(frames.len() + 1, in_place(&bytes).0.len());
+    assert!(
+        matches!(end, Err(Error::Malformed { field: Field::BlockLength, at, .. }) if at == offsets[last])
+    );
 
     let shorter = with_block(&bytes, 1, |_, codes| {
         codes.pop();
