@@ -105,6 +105,13 @@ enum Action {
         /// Its number.
         frame: u32,
     },
+    /// An outside clock (audio, timecode) is at this frame now: the clip goes a little faster or slower until it is, too. More than
+    /// a sixteenth of a second apart, it fades there.
+    Sync {
+        /// The frame, with a part of the next one: 120.5.
+        #[arg(value_parser = frame)]
+        frame: f64,
+    },
     /// Slow down, and hold the pose.
     Stop,
     /// Go home slowly.
@@ -115,6 +122,14 @@ enum Action {
     Acknowledge,
     /// Who the device is, and how.
     Status,
+}
+
+/// A frame and a part of the next one.
+fn frame(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(frame) if (0.0..f64::from(u32::MAX)).contains(&frame) => Ok(frame),
+        _ => Err(format!("found {text:?}, expected a frame from 0 on, such as 120.5")),
+    }
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
@@ -159,6 +174,11 @@ fn command(action: &Action) -> Result<(Command, &'static str)> {
         Action::Pause => (Command::Pause, "paused"),
         Action::Resume => (Command::Resume, "goes on"),
         Action::Seek { frame } => (Command::Seek { frame }, "fades there"),
+        Action::Sync { frame } => {
+            let whole = frame.floor();
+            let fraction = ((frame - whole) * 65536.0).min(65535.0) as u16;
+            (Command::Sync { frame: whole as u32, fraction }, "follows")
+        }
         Action::Stop => (Command::Stop, "stops"),
         Action::Home => (Command::Home, "goes home"),
         Action::Trigger => (Command::Trigger, "triggered"),
