@@ -331,3 +331,75 @@ pub(super) fn next<P: Predict, Q: Quantise>(
     }
     *value = I16F16::from_bits(predicted.wrapping_add(quantise.difference(code, &mut state.step, bits)));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mclip::{Channel, ChannelKind};
+    use crate::quantise::step::size;
+    use crate::testing::Random;
+    use std::vec::Vec;
+
+    fn states(widths: &[u8]) -> Vec<State> {
+        let channel = |&bits: &u8| Channel {
+            joint: "",
+            kind: ChannelKind::Rx,
+            low: 0,
+            entry_bits: 8,
+            entry_shift: 0,
+            bits,
+            step: 104,
+            group: 0,
+            coefficient: 0,
+        };
+        let mut states: Vec<State> =
+            widths.iter().map(|bits| State::of(&Codec::Dpcm { order: 1 }, &channel(bits))).collect();
+        mark(&mut states);
+        states
+    }
+
+    /// One code after the other, and the bytes that they take.
+    fn one_after_the_other(widths: &[u8], codes: &[u8]) -> (Vec<i32>, usize) {
+        let mut reader = BitReader::new(codes);
+        let mut found = Vec::new();
+        for octet in widths.chunks(OCTET) {
+            found.extend(octet.iter().map(|&bits| reader.take_signed(bits.into())));
+            reader.align();
+        }
+        (found, reader.position() >> 3)
+    }
+
+    /// Every number of channels of every width, and octets of several: with more bytes behind them, and at the end of a block.
+    #[test]
+    fn codes_are_those_of_a_reader_of_bits() {
+        let mut random = Random(12);
+        let mut all: Vec<Vec<u8>> = Vec::new();
+        for width in 3..=9u8 {
+            all.extend((1..=CHUNK).map(|count| std::vec![width; count]));
+        }
+        all.push([[5; OCTET], [5; OCTET], [7; OCTET], [3; OCTET], [7; OCTET]].concat());
+        all.push([&[6; OCTET][..], &[4, 5, 6], &[]].concat());
+        for widths in all {
+            let codes: Vec<u8> = (0..2 * widths.len() + 20).map(|_| random.next() as u8).collect();
+            let (expected, bytes) = one_after_the_other(&widths, &codes);
+            for codes in [&codes[..], &codes[..bytes]] {
+                let mut states = states(&widths);
+                let mut out = [0; CHUNK];
+                let rest = unpack(&states, &mut out, codes).map(<[u8]>::len);
+                assert_eq!(rest, Some(codes.len() - bytes), "{widths:?}");
+                assert_eq!(out[..widths.len()], expected, "{widths:?}");
+                let mut pose = std::vec![I16F16::ZERO; widths.len()];
+                let codec = Codec::Dpcm { order: 1 };
+                let run = choose(&codec, &states).unwrap();
+                let mut lanes = Lanes { pose: &mut pose, states: &mut states };
+                let rest = run(&mut lanes, &codec, codes).map(<[u8]>::len);
+                assert_eq!(rest, Some(codes.len() - bytes), "{widths:?}");
+                let steps: Vec<i32> = pose.iter().map(|value| value.to_bits() / size(104)).collect();
+                assert_eq!(steps, expected, "{widths:?}");
+                // A byte less is none too many.
+                let mut lanes = Lanes { pose: &mut pose, states: &mut states };
+                assert!(run(&mut lanes, &codec, &codes[..bytes - 1]).is_none());
+            }
+        }
+    }
+}

@@ -351,6 +351,21 @@ mod tests {
     }
 
     #[test]
+    fn kinds_are_named_as_in_asf_and_turn_or_not() {
+        let all = ChannelKind::ALL.map(|kind| (kind.name(), kind.is_rotation(), kind.axis()));
+        let expected = [
+            ("tx", false, Some(0)),
+            ("ty", false, Some(1)),
+            ("tz", false, Some(2)),
+            ("rx", true, Some(0)),
+            ("ry", true, Some(1)),
+            ("rz", true, Some(2)),
+            ("l", false, None),
+        ];
+        assert_eq!(all, expected);
+    }
+
+    #[test]
     fn entry_shifts_follow_the_octave_of_the_step() {
         for step in 0..=199u8 {
             let octave = crate::quantise::step::size(step).ilog2() as u8;

@@ -50,3 +50,18 @@ impl<const C: usize, const K: usize, const W: usize> Default for Workspace<C, K,
         Self::EMPTY
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_of_it_is_lent() {
+        type Decoder = Workspace<3, 2, 5>;
+        for mut memory in [Decoder::new(), Decoder::default()] {
+            let Memory { pose, states, correlations, words } = memory.lend();
+            assert_eq!((pose.len(), states.len(), correlations.len(), words.len()), (3, 3, 2, 5));
+        }
+        assert_eq!(size_of::<Workspace<4, 4, 8>>(), Workspace::<4, 4, 8>::CAPACITY.bytes());
+    }
+}

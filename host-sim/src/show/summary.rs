@@ -51,6 +51,8 @@ pub struct FaultSummary {
     pub state: String,
     /// When it was acknowledged, in seconds.
     pub acknowledged_at: Option<f64>,
+    /// Whether servos were still being found, read and turned on, one by one and where they are: nothing moves then.
+    pub while_starting: bool,
 }
 
 /// A live stream that has ended, in frames.
@@ -243,6 +245,9 @@ fn servo(joint: &Joint, track: &Track, name: &str, hz: f64) -> ServoSummary {
     summary
 }
 
+/// States in which servos are found, read and turned on.
+const STARTING: [&str; 3] = ["Finding", "Reading", "Arming"];
+
 fn faults(program: &Program, ran: &Ran, hz: f64) -> Vec<FaultSummary> {
     let settled = |text: &str| ["Holding", "Resting", "Limp"].contains(&text);
     let mut faults = Vec::new();
@@ -263,6 +268,7 @@ fn faults(program: &Program, ran: &Ran, hz: f64) -> Vec<FaultSummary> {
                 .map(|reached| f64::from(reached.tick.max(note.tick) - note.tick) * 1000.0 / hz),
             state: reached.map_or(String::new(), |reached| reached.text.clone()),
             acknowledged_at: acknowledged.map(|note| f64::from(note.tick) / hz),
+            while_starting: state.is_none_or(|state| STARTING.contains(&state.text.as_str())),
         });
     }
     faults
