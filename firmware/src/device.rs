@@ -4,8 +4,9 @@
 //! flash is one bounded step a tick ([`Store::step`], or the pages of one request), and a request is answered in the tick
 //! in which it is read: where more steps are needed with [`Response::Again`].
 
-use crate::clips::{Clips, LIVE};
+use crate::clips::Clips;
 use crate::fault::Feedback;
+use crate::library::LIVE;
 use crate::link::message::{
     ClipInfo, Hello, LinkCounts, Playing, Refusal, Request, Response, ServoInfo, Streaming, Telemetry,
     VERSION,
@@ -263,7 +264,7 @@ impl Device {
     ) -> Telemetry {
         let live = machine.library().live();
         let stream = Streaming { progress: live.progress(), counters: live.counters() };
-        let playing = machine.stage().position();
+        let playing = machine.mixer().position();
         let servos = machine.goals().iter().zip(feedback.readings);
         let servos: Vec<_, _> = servos
             .map(|(goal, reading)| ServoInfo { id: goal.id, goal: goal.position, reading: *reading })
@@ -274,7 +275,7 @@ impl Device {
             state: machine.state(),
             fault: machine.fault(),
             playing: playing.map(|(clip, frame, phase)| Playing { clip, frame, phase }),
-            speed: machine.stage().speed().parts(),
+            speed: machine.mixer().speed().parts(),
             ticks: self.ticks,
             missed: self.missed,
             busy: self.busy,

@@ -15,15 +15,16 @@ use anyhow::{Context, Result, anyhow, bail};
 use firmware::bus::ServoBus;
 use firmware::bus::mixed::{Parts, mixed};
 use firmware::bus::port::{Automatic, Line as Timing, Port};
-use firmware::drive::{Surroundings, drive};
+use firmware::control_loop::{Surroundings, control_loop};
 use firmware::dynamixel::bus::DynamixelBus;
 use firmware::dynamixel::client::Client;
 use firmware::fault::Feedback;
-use firmware::library::Single;
+use firmware::decoder_list::SingleClip;
 use firmware::machine::{Machine as Puppet, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
-use firmware::stage::Library;
-use firmware::voice::{Frames, Voice};
+use firmware::library::Library;
+use firmware::frames::Frames;
+use firmware::playback::Playback;
 use std::cell::RefCell;
 use std::future::Future;
 use std::io;
@@ -90,9 +91,9 @@ fn rate(clip: &Clip<'_>, centihertz: u16) -> u16 {
 
 /// Plays frames from power on to rest, and records what the servos are told.
 fn record(frames: &mut dyn Frames, map: &Map, rate: u16) -> Result<Recording> {
-    let frames = Voice::new(frames, map, false, 0).map(Voice::into_frames).map_err(|(error, _)| error)?;
+    let frames = Playback::new(frames, map, false, 0).map(Playback::into_frames).map_err(|(error, _)| error)?;
     frames.approach(0);
-    let library = Single::new(frames, Some(rate));
+    let library = SingleClip::new(frames, Some(rate));
     let mut puppet = Puppet::new(map, library, Show { playlist: &[0], ..Show::default() }, Start::Power);
     let recorder = on_the_spot(&mut puppet, Recorder::with_pins(map)?, &mut ToTheEnd)?;
     if let Some(fault) = puppet.fault() {

@@ -2,10 +2,11 @@
 //!
 //! A decoder borrows a clip's header and its memory, and both differ from clip to clip. So that memory can be lent again, a
 //! decoder lives in a coroutine, [`decode`], which owns the memory and borrows it to one clip after the other. It is asked
-//! through a [`Post`] and answers each question in one poll: it waits for nothing else.
+//! through a [`Mailbox`] and answers each question in one poll: it waits for nothing else.
 
+use crate::frames::Frames;
+use crate::play_error::PlayError;
 use crate::stream::{Live, Player};
-use crate::voice::{Frames, PlayError};
 use core::cell::Cell;
 use core::convert::Infallible;
 use core::future::{Future, poll_fn};
@@ -52,20 +53,20 @@ impl Answer {
 }
 
 /// What a decoder and the one who plays its frames tell each other.
-pub struct Post<'s> {
+pub struct Mailbox<'s> {
     request: Cell<Option<Request>>,
     answer: Cell<Answer>,
     /// Where the next frame is to be written, while it is asked for.
     pose: Cell<Option<&'s mut [I16F16]>>,
 }
 
-impl Default for Post<'_> {
+impl Default for Mailbox<'_> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Post<'_> {
+impl Mailbox<'_> {
     /// Nothing was asked.
     pub const fn new() -> Self {
         let answer = Answer::none(Err(PlayError::NoDecoder));
@@ -90,17 +91,17 @@ impl Post<'_> {
 
 /// Decodes whatever clip it is asked for, in its memory, for ever. For [`Worker::new`].
 pub async fn decode<const C: usize, const K: usize, const W: usize>(
-    post: &Post<'_>,
+    mailbox: &Mailbox<'_>,
     memory: &mut Workspace<C, K, W>,
     live: &Live<'_>,
 ) -> Infallible {
     loop {
-        let opened = match post.request().await {
+        let opened = match mailbox.request().await {
             Request::Open(bytes) if bytes.starts_with(&MAGIC) => {
                 let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
                 let clip = mclip::Clip::parse(bytes, limits);
                 match clip.and_then(|clip| clip.decoder(memory.lend())) {
-                    Ok(decoder) => serve(post, decoder).await,
+                    Ok(decoder) => serve(mailbox, decoder).await,
                     Err(error) => Err(PlayError::Clip(error)),
                 }
             }
@@ -108,14 +109,14 @@ pub async fn decode<const C: usize, const K: usize, const W: usize>(
                 let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
                 let clip = qmd::Clip::parse(bytes, limits);
                 match clip.and_then(|clip| clip.decoder(memory.lend().pose, None)) {
-                    Ok(decoder) => serve(post, decoder).await,
+                    Ok(decoder) => serve(mailbox, decoder).await,
                     Err(error) => Err(PlayError::Clip(error)),
                 }
             }
             Request::OpenLive => match live.take() {
                 Some(mut player) => {
                     let opened = match Player::new(live, &mut player, memory.lend()) {
-                        Ok(player) => serve(post, player).await,
+                        Ok(player) => serve(mailbox, player).await,
                         Err(error) => Err(PlayError::Clip(error)),
                     };
                     live.give(player);
@@ -125,17 +126,17 @@ pub async fn decode<const C: usize, const K: usize, const W: usize>(
             },
             Request::Next | Request::Approach(_) | Request::Close => Ok(()),
         };
-        post.answer.set(Answer::none(opened.map(|()| false)));
+        mailbox.answer.set(Answer::none(opened.map(|()| false)));
     }
 }
 
 /// Gives the frames of a clip until it is closed.
-async fn serve<F: Frames>(post: &Post<'_>, mut frames: F) -> Result<(), PlayError> {
+async fn serve<F: Frames>(mailbox: &Mailbox<'_>, mut frames: F) -> Result<(), PlayError> {
     let mut result = Ok(false);
     loop {
-        post.answer.set(Answer::of(&frames, result));
-        result = match post.request().await {
-            Request::Next => post.deliver(&mut frames),
+        mailbox.answer.set(Answer::of(&frames, result));
+        result = match mailbox.request().await {
+            Request::Next => mailbox.deliver(&mut frames),
             Request::Approach(frame) => {
                 frames.approach(frame);
                 Ok(false)
@@ -148,30 +149,30 @@ async fn serve<F: Frames>(post: &Post<'_>, mut frames: F) -> Result<(), PlayErro
 /// A decoder, and room for its frames.
 pub struct Worker<'t, 's> {
     task: Pin<&'t mut (dyn Future<Output = Infallible> + 's)>,
-    post: &'s Post<'s>,
+    mailbox: &'s Mailbox<'s>,
     /// Out only while a frame is asked for.
     pose: Option<&'s mut [I16F16]>,
     answer: Answer,
 }
 
 impl<'t, 's> Worker<'t, 's> {
-    /// A decoder of [`decode`], pinned, which has the same post. `pose` takes a frame.
+    /// A decoder of [`decode`], pinned, which has the same mailbox. `pose` takes a frame.
     pub fn new(
         task: Pin<&'t mut (dyn Future<Output = Infallible> + 's)>,
-        post: &'s Post<'s>,
+        mailbox: &'s Mailbox<'s>,
         pose: &'s mut [I16F16],
     ) -> Self {
         let answer = Answer::none(Err(PlayError::NoDecoder));
-        Self { task, post, pose: Some(pose), answer }
+        Self { task, mailbox, pose: Some(pose), answer }
     }
 
     fn ask(&mut self, request: Request) -> Result<bool, PlayError> {
-        self.post.pose.set(self.pose.take());
-        self.post.request.set(Some(request));
+        self.mailbox.pose.set(self.pose.take());
+        self.mailbox.request.set(Some(request));
         // It waits only for requests, so it has answered then.
         let _ = self.task.as_mut().poll(&mut Context::from_waker(Waker::noop()));
-        self.pose = self.post.pose.take();
-        self.answer = self.post.answer.get();
+        self.pose = self.mailbox.pose.take();
+        self.answer = self.mailbox.answer.get();
         self.answer.result
     }
 

@@ -1,7 +1,9 @@
 //! The directory on flash, and the snapshot that follows it.
 
+use super::entry::Entry;
+use super::layout::Layout;
+use super::mapped::{Mapped, PAGE_BYTES};
 use super::record::{Header, RECORD_BYTES};
-use super::{Entry, Layout, Mapped, PAGE_BYTES};
 use decoder_core::mclip::{checksum, digest};
 
 /// Records in a page, the header counted as one.
