@@ -13,7 +13,7 @@ use crate::link::message::{
 };
 use crate::link::session::Session;
 use crate::machine::{Command, Machine};
-use crate::store::{Mapped, Name, Status, Store, StoreError};
+use crate::store::{MappedFlash, Name, Status, Store, StoreError};
 use heapless::Vec;
 
 /// What a device says of itself.
@@ -65,7 +65,7 @@ impl Device {
     /// ended without its end.
     ///
     /// `millis` is the time since the device was turned on, `busy` the cycles of [`Identity::clock_hz`] that the last tick took.
-    pub fn tick<F: Mapped, const N: usize>(
+    pub fn tick<F: MappedFlash, const N: usize>(
         &mut self,
         machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
         feedback: &Feedback<'_>,
@@ -93,7 +93,7 @@ impl Device {
 
     /// Takes what has come on a line off the front of `bytes` and answers it; [`Session::outgoing`] is then to be sent. `bytes` that are
     /// left are to be given again in the next tick.
-    pub fn serve<F: Mapped, const N: usize>(
+    pub fn serve<F: MappedFlash, const N: usize>(
         &mut self,
         session: &mut Session,
         bytes: &mut &[u8],
@@ -111,12 +111,12 @@ impl Device {
         }
     }
 
-    fn may_write<F: Mapped, const N: usize>(&self, machine: &Machine<'_, Clips<'_, '_, F>, N>) -> bool {
+    fn may_write<F: MappedFlash, const N: usize>(&self, machine: &Machine<'_, Clips<'_, '_, F>, N>) -> bool {
         !self.identity.flash_stalls || machine.at_rest()
     }
 
     /// A step of what the store is doing.
-    fn work<F: Mapped, const N: usize>(&mut self, machine: &mut Machine<'_, Clips<'_, '_, F>, N>) {
+    fn work<F: MappedFlash, const N: usize>(&mut self, machine: &mut Machine<'_, Clips<'_, '_, F>, N>) {
         let Some(store) = machine.library().store() else { return };
         if matches!(store.status(), Status::Idle | Status::Receiving { .. }) {
             return;
@@ -129,7 +129,7 @@ impl Device {
         }
     }
 
-    fn answer<F: Mapped, const N: usize>(
+    fn answer<F: MappedFlash, const N: usize>(
         &mut self,
         request: &Request<'_>,
         machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
@@ -173,7 +173,7 @@ impl Device {
     }
 
     /// Changes to the clips in flash. Each may be asked again and again.
-    fn change<F: Mapped>(
+    fn change<F: MappedFlash>(
         &mut self,
         request: &Request<'_>,
         store: &mut Store<F>,
@@ -242,7 +242,7 @@ impl Device {
         self.ended.unwrap_or(Ok(()))
     }
 
-    fn hello<F: Mapped, const N: usize>(&self, machine: &mut Machine<'_, Clips<'_, '_, F>, N>) -> Hello {
+    fn hello<F: MappedFlash, const N: usize>(&self, machine: &mut Machine<'_, Clips<'_, '_, F>, N>) -> Hello {
         let map = machine.map();
         Hello {
             version: VERSION,
@@ -257,7 +257,7 @@ impl Device {
         }
     }
 
-    fn telemetry<F: Mapped, const N: usize>(
+    fn telemetry<F: MappedFlash, const N: usize>(
         &self,
         machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
         feedback: &Feedback<'_>,
@@ -289,7 +289,7 @@ impl Device {
     }
 }
 
-fn command_machine<F: Mapped, const N: usize>(
+fn command_machine<F: MappedFlash, const N: usize>(
     command: Command,
     machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
 ) -> Result<Response, Refusal> {
@@ -311,13 +311,13 @@ fn progress(status: Status) -> Response {
     }
 }
 
-fn streaming<F: Mapped>(clips: &Clips<'_, '_, F>) -> Response {
+fn streaming<F: MappedFlash>(clips: &Clips<'_, '_, F>) -> Response {
     let live = clips.live();
     Response::Stream(Streaming { progress: live.progress(), counters: live.counters() })
 }
 
 /// A place of the list: the clips in flash, then those linked in that they do not hide.
-fn info<F: Mapped>(clips: &mut Clips<'_, '_, F>, index: u16) -> Option<ClipInfo> {
+fn info<F: MappedFlash>(clips: &mut Clips<'_, '_, F>, index: u16) -> Option<ClipInfo> {
     let linked = clips.linked();
     let mut count = 0;
     if let Some(store) = clips.store() {

@@ -16,14 +16,14 @@ use firmware::bus::ServoBus;
 use firmware::bus::mixed::{Parts, mixed};
 use firmware::bus::port::{Automatic, Line as Timing, Port};
 use firmware::control_loop::{Surroundings, control_loop};
+use firmware::decoder_list::SingleClip;
 use firmware::dynamixel::bus::DynamixelBus;
 use firmware::dynamixel::client::Client;
 use firmware::fault::Feedback;
-use firmware::decoder_list::SingleClip;
+use firmware::frames::Frames;
+use firmware::library::Library;
 use firmware::machine::{Machine as Puppet, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
-use firmware::library::Library;
-use firmware::frames::Frames;
 use firmware::playback::Playback;
 use std::cell::RefCell;
 use std::future::Future;
@@ -91,7 +91,8 @@ fn rate(clip: &Clip<'_>, centihertz: u16) -> u16 {
 
 /// Plays frames from power on to rest, and records what the servos are told.
 fn record(frames: &mut dyn Frames, map: &Map, rate: u16) -> Result<Recording> {
-    let frames = Playback::new(frames, map, false, 0).map(Playback::into_frames).map_err(|(error, _)| error)?;
+    let frames =
+        Playback::new(frames, map, false, 0).map(Playback::into_frames).map_err(|(error, _)| error)?;
     frames.approach(0);
     let library = SingleClip::new(frames, Some(rate));
     let mut puppet = Puppet::new(map, library, Show { playlist: &[0], ..Show::default() }, Start::Power);
@@ -112,7 +113,7 @@ pub(crate) fn on_the_spot<'m, L: Library, S: Surroundings<L, MAX_SERVOS>>(
     let (board, hear) = (Board::default(), |bytes: &[u8]| recorder.borrow_mut().receive(bytes));
     let mut bus = virtual_bus(puppet.map(), &board, hear)?;
     let end_tick = || recorder.borrow_mut().end_tick(&board.pins());
-    now(drive(puppet, &mut bus, &mut Noting { surroundings, end_tick }))?;
+    now(control_loop(puppet, &mut bus, &mut Noting { surroundings, end_tick }))?;
     drop(bus);
     Ok(recorder.into_inner())
 }

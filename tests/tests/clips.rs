@@ -8,12 +8,12 @@ use decoder_core::{Error, I16F16};
 use firmware::bus::{Goal, Reading};
 use firmware::clips::{Clips, LIVE};
 use firmware::fault::{Fault, Feedback};
-use firmware::machine::{Action, Command, Machine, TickOutput, Show, Start, State};
-use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, Settings};
-use firmware::library::Library;
-use firmware::store::{Layout, Status, Store};
 use firmware::frames::Frames;
+use firmware::library::Library;
+use firmware::machine::{Action, Command, Machine, Show, Start, State, TickOutput};
+use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, Settings};
 use firmware::play_error::PlayError;
+use firmware::store::{Layout, Status, Store};
 use host_sim::flash::Flash;
 use sha2::{Digest, Sha256};
 

@@ -6,10 +6,10 @@ use decoder_core::I16F16;
 use decoder_core::mclip::BlockHeader;
 use encoder::kinematics::Kinematics;
 use firmware::clips::LIVE;
-use firmware::library::Library;
-use firmware::stream::{Counters, StreamError};
 use firmware::frames::Frames;
+use firmware::library::Library;
 use firmware::play_error::PlayError;
+use firmware::stream::{Counters, StreamError};
 
 /// Numbers without a pattern (splitmix64).
 struct Random(u64);

@@ -4,7 +4,7 @@ use super::worker::Worker;
 use crate::frames::Frames;
 use crate::library::{LIVE, Library};
 use crate::play_error::PlayError;
-use crate::store::{Lease, Mapped, Store};
+use crate::store::{Lease, MappedFlash, Store};
 use crate::stream::Live;
 use decoder_core::{Error, I16F16};
 
@@ -19,7 +19,7 @@ pub struct Clips<'t, 's, F> {
     workers: [Option<Worker<'t, 's>>; 2],
 }
 
-impl<'t, 's, F: Mapped> Clips<'t, 's, F> {
+impl<'t, 's, F: MappedFlash> Clips<'t, 's, F> {
     /// The clips of a board. Without a store, no clip can be uploaded.
     pub fn new(
         linked: &'t [&'static [u8]],
@@ -58,30 +58,30 @@ impl<'t, 's, F: Mapped> Clips<'t, 's, F> {
     }
 }
 
-impl<'t, 's, F: Mapped> Library for Clips<'t, 's, F> {
+impl<'t, 's, F: MappedFlash> Library for Clips<'t, 's, F> {
     type Frames = OpenClip<'t, 's>;
 
     fn open(&mut self, clip: u16) -> Result<OpenClip<'t, 's>, PlayError> {
-        let lease = match &mut self.store {
+        let stored = match &mut self.store {
             Some(store) if clip != LIVE => store.lease(clip),
             _ => None,
         };
-        let linked = self.linked.get(usize::from(clip)).copied().filter(|_| clip != LIVE);
-        let bytes = lease.as_ref().map(Lease::bytes).or(linked);
-        if bytes.is_none() && clip != LIVE {
+        let linked = self.linked.get(usize::from(clip)).filter(|_| clip != LIVE);
+        let lease = stored.or(linked.map(|bytes| Lease::of_static(bytes)));
+        if lease.is_none() && clip != LIVE {
             return Err(PlayError::NoClip { clip });
         }
         let Some(mut worker) = self.workers.iter_mut().find_map(Option::take) else {
             self.release(lease);
             return Err(PlayError::NoDecoder);
         };
-        let opened = match bytes {
-            Some(bytes) => worker.open(bytes),
-            None => worker.open_live(),
+        let opened = match lease {
+            Some(lease) => worker.open(lease),
+            None => worker.open_live().map_err(|error| (error, None)),
         };
         match opened {
-            Ok(()) => Ok(OpenClip { worker, lease }),
-            Err(error) => {
+            Ok(()) => Ok(OpenClip { worker }),
+            Err((error, lease)) => {
                 self.release(lease);
                 self.give(worker);
                 Err(error)
@@ -89,9 +89,9 @@ impl<'t, 's, F: Mapped> Library for Clips<'t, 's, F> {
         }
     }
 
-    fn close(&mut self, frames: OpenClip<'t, 's>) {
-        let OpenClip { mut worker, lease } = frames;
-        worker.close();
+    fn close(&mut self, clip: OpenClip<'t, 's>) {
+        let OpenClip { mut worker } = clip;
+        let lease = worker.close();
         self.release(lease);
         self.give(worker);
     }
@@ -100,8 +100,6 @@ impl<'t, 's, F: Mapped> Library for Clips<'t, 's, F> {
 /// A clip that is open.
 pub struct OpenClip<'t, 's> {
     worker: Worker<'t, 's>,
-    /// Of a clip in the store.
-    lease: Option<Lease>,
 }
 
 impl Frames for OpenClip<'_, '_> {

@@ -7,7 +7,7 @@
 //! use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 //! use core::pin::pin;
 //!
-//! # fn with<F: firmware::store::Mapped>(store: Option<Store<F>>, linked: &'static [u8]) {
+//! # fn with<F: firmware::store::MappedFlash>(store: Option<Store<F>>, linked: &'static [u8]) {
 //! let (mut buffer, mut header, mut block) = ([0; 8192], [0; 1024], [0; 1024]);
 //! let mut poses = [[I16F16::ZERO; 64]; 4];
 //! let player = PlayerMemory { header: &mut header, block: &mut block, poses: poses.each_mut().map(|pose| &mut pose[..]) };

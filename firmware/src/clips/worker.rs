@@ -6,6 +6,7 @@
 
 use crate::frames::Frames;
 use crate::play_error::PlayError;
+use crate::store::Lease;
 use crate::stream::{Live, Player};
 use core::cell::Cell;
 use core::convert::Infallible;
@@ -16,9 +17,8 @@ use decoder_core::mclip::{self, MAGIC, Workspace};
 use decoder_core::{Error, Field, I16F16, Limits, qmd};
 
 /// What a decoder is asked.
-#[derive(Clone, Copy)]
 enum Request {
-    Open(&'static [u8]),
+    Open(Lease),
     OpenLive,
     Next,
     Approach(u32),
@@ -56,6 +56,8 @@ impl Answer {
 pub struct Mailbox<'s> {
     request: Cell<Option<Request>>,
     answer: Cell<Answer>,
+    /// The bytes of the clip that was open, once it is closed.
+    lease: Cell<Option<Lease>>,
     /// Where the next frame is to be written, while it is asked for.
     pose: Cell<Option<&'s mut [I16F16]>>,
 }
@@ -70,7 +72,12 @@ impl Mailbox<'_> {
     /// Nothing was asked.
     pub const fn new() -> Self {
         let answer = Answer::none(Err(PlayError::NoDecoder));
-        Self { request: Cell::new(None), answer: Cell::new(answer), pose: Cell::new(None) }
+        Self {
+            request: Cell::new(None),
+            answer: Cell::new(answer),
+            lease: Cell::new(None),
+            pose: Cell::new(None),
+        }
     }
 
     async fn request(&self) -> Request {
@@ -97,21 +104,10 @@ pub async fn decode<const C: usize, const K: usize, const W: usize>(
 ) -> Infallible {
     loop {
         let opened = match mailbox.request().await {
-            Request::Open(bytes) if bytes.starts_with(&MAGIC) => {
-                let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
-                let clip = mclip::Clip::parse(bytes, limits);
-                match clip.and_then(|clip| clip.decoder(memory.lend())) {
-                    Ok(decoder) => serve(mailbox, decoder).await,
-                    Err(error) => Err(PlayError::Clip(error)),
-                }
-            }
-            Request::Open(bytes) => {
-                let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
-                let clip = qmd::Clip::parse(bytes, limits);
-                match clip.and_then(|clip| clip.decoder(memory.lend().pose, None)) {
-                    Ok(decoder) => serve(mailbox, decoder).await,
-                    Err(error) => Err(PlayError::Clip(error)),
-                }
+            Request::Open(lease) => {
+                let opened = serve_clip(mailbox, lease.bytes(), memory).await;
+                mailbox.lease.set(Some(lease));
+                opened
             }
             Request::OpenLive => match live.take() {
                 Some(mut player) => {
@@ -127,6 +123,25 @@ pub async fn decode<const C: usize, const K: usize, const W: usize>(
             Request::Next | Request::Approach(_) | Request::Close => Ok(()),
         };
         mailbox.answer.set(Answer::none(opened.map(|()| false)));
+    }
+}
+
+/// Opens a clip that lies in memory, and gives its frames.
+async fn serve_clip<const C: usize, const K: usize, const W: usize>(
+    mailbox: &Mailbox<'_>,
+    bytes: &[u8],
+    memory: &mut Workspace<C, K, W>,
+) -> Result<(), PlayError> {
+    let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
+    if bytes.starts_with(&MAGIC) {
+        let clip = mclip::Clip::parse(bytes, limits);
+        let decoder = clip.and_then(|clip| clip.decoder(memory.lend())).map_err(PlayError::Clip)?;
+        serve(mailbox, decoder).await
+    } else {
+        let clip = qmd::Clip::parse(bytes, limits);
+        let decoder =
+            clip.and_then(|clip| clip.decoder(memory.lend().pose, None)).map_err(PlayError::Clip)?;
+        serve(mailbox, decoder).await
     }
 }
 
@@ -176,30 +191,33 @@ impl<'t, 's> Worker<'t, 's> {
         self.answer.result
     }
 
-    /// Opens a clip in memory.
-    pub(super) fn open(&mut self, clip: &'static [u8]) -> Result<(), PlayError> {
-        self.ask(Request::Open(clip))?;
-        self.has_room()
+    /// Opens a clip in memory. Where it cannot be opened its bytes come back with the error, as they do when it is closed.
+    pub(super) fn open(&mut self, clip: Lease) -> Result<(), (PlayError, Option<Lease>)> {
+        let opened = self.ask(Request::Open(clip)).and_then(|_| self.check_room());
+        opened.map_err(|error| (error, self.close()))
     }
 
     /// Opens the live stream.
     pub(super) fn open_live(&mut self) -> Result<(), PlayError> {
-        self.ask(Request::OpenLive)?;
-        self.has_room()
+        let opened = self.ask(Request::OpenLive).and_then(|_| self.check_room());
+        if opened.is_err() {
+            self.close();
+        }
+        opened
     }
 
-    fn has_room(&mut self) -> Result<(), PlayError> {
+    fn check_room(&self) -> Result<(), PlayError> {
         let (needed, lent) = (self.answer.channels, self.pose.as_ref().map_or(0, |pose| pose.len()));
         if needed <= lent {
             return Ok(());
         }
-        self.close();
         Err(PlayError::Clip(Error::OutputTooSmall { field: Field::Pose, needed, lent }))
     }
 
-    /// Gives the clip's memory back.
-    pub(super) fn close(&mut self) {
+    /// Gives the clip's memory back, and its bytes.
+    pub(super) fn close(&mut self) -> Option<Lease> {
         let _ = self.ask(Request::Close);
+        self.mailbox.lease.take()
     }
 }
 

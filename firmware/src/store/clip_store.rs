@@ -6,12 +6,10 @@ use super::entry::{Entry, Name};
 use super::error::StoreError;
 use super::free_sectors::{self, Extent};
 use super::layout::Layout;
-use super::mapped::{Mapped, PAGE_BYTES};
+use super::lease::Lease;
+use super::mapped::{MappedFlash, PAGE_BYTES};
 use decoder_core::mclip::Needs;
 use embedded_storage::nor_flash::NorFlashError;
-
-/// Leases that may be out at a time: a library has two decoders.
-pub const LEASES: usize = 2;
 
 /// What a store is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,7 +38,7 @@ pub enum Status {
 
 /// Clips in flash.
 ///
-/// In RAM: the directory's place, one record, one page of 256 bytes, and two leases; the records are read in place.
+/// In RAM: the directory's place, one record, and one page of 256 bytes; the records are read in place.
 pub struct Store<F> {
     flash: F,
     layout: Layout,
@@ -50,7 +48,6 @@ pub struct Store<F> {
     job: Job,
     /// Bytes of a page that is not full yet.
     page: [u8; PAGE_BYTES],
-    leases: [Option<Extent>; LEASES],
 }
 
 /// What a store is in the middle of.
@@ -64,21 +61,7 @@ enum Job {
     Record(Next),
 }
 
-/// A clip that a decoder reads: its sectors are not used for anything else before [`Store::release`].
-#[derive(Debug)]
-pub struct Lease {
-    bytes: &'static [u8],
-    extent: Extent,
-}
-
-impl Lease {
-    /// The clip. Not to be kept longer than the lease.
-    pub const fn bytes(&self) -> &'static [u8] {
-        self.bytes
-    }
-}
-
-impl<F: Mapped> Store<F> {
+impl<F: MappedFlash> Store<F> {
     /// Finds the directory. Writes nothing: there is nothing to repair. Where neither sector holds a directory, as in new flash,
     /// the store is empty.
     ///
@@ -91,8 +74,7 @@ impl<F: Mapped> Store<F> {
             return Err(StoreError::Layout);
         }
         let directory = Directory::find(&flash, &layout);
-        let (job, page, leases) = (Job::Idle, [0xff; PAGE_BYTES], [None; LEASES]);
-        Ok(Self { flash, layout, capacity, directory, job, page, leases })
+        Ok(Self { flash, layout, capacity, directory, job: Job::Idle, page: [0xff; PAGE_BYTES] })
     }
 
     /// The clips, by number.
@@ -117,20 +99,16 @@ impl<F: Mapped> Store<F> {
         self.flash.mapped(entry.at, entry.bytes)
     }
 
-    /// The clip's bytes for a decoder; `None` where there is no such clip, or [`LEASES`] are out already.
+    /// The clip's bytes for a decoder; `None` where there is no such clip, or [`LEASES`](super::LEASES) are out already. Their
+    /// sectors are not used for anything else before [`release`](Self::release).
     pub fn lease(&mut self, clip: u16) -> Option<Lease> {
         let Entry { at, bytes, .. } = self.entry(clip)?;
-        let place = self.leases.iter_mut().find(|lease| lease.is_none())?;
-        let extent = Extent { at, bytes };
-        let bytes = self.flash.lend(at, bytes)?;
-        *place = Some(extent);
-        Some(Lease { bytes, extent })
+        self.flash.lend(at, bytes)
     }
 
     /// Takes a clip back that no decoder reads any more.
     pub fn release(&mut self, lease: Lease) {
-        let place = self.leases.iter_mut().find(|place| **place == Some(lease.extent));
-        place.into_iter().for_each(|place| *place = None);
+        self.flash.take_back(lease);
     }
 
     /// What it is doing.
@@ -328,7 +306,7 @@ impl<F: Mapped> Store<F> {
     fn find(&self, bytes: u32) -> Result<u32, u32> {
         let taken = || {
             let recorded = self.list().map(|entry| Extent { at: entry.at, bytes: entry.bytes });
-            recorded.chain(self.leases.iter().copied().flatten())
+            recorded.chain(self.flash.leases().extents())
         };
         free_sectors::find(&self.layout, |at| self.flash.sector_bytes(at), taken, bytes)
     }

@@ -1,6 +1,6 @@
 //! Where a store is in its flash.
 
-use super::mapped::{Mapped, PAGE_BYTES};
+use super::mapped::{MappedFlash, PAGE_BYTES};
 use core::ops::Range;
 
 /// Where the store is in the flash. All addresses are those of sectors.
@@ -14,7 +14,7 @@ pub struct Layout {
 
 impl Layout {
     /// Whether these are sectors of this flash, none of them twice, and pages can be written there.
-    pub(super) fn fits<F: Mapped>(&self, flash: &F) -> bool {
+    pub(super) fn fits<F: MappedFlash>(&self, flash: &F) -> bool {
         let capacity = u32::try_from(flash.capacity()).unwrap_or(u32::MAX);
         let page = PAGE_BYTES as u32;
         let sector = |at: u32| at..at.saturating_add(flash.sector_bytes(at));

@@ -16,11 +16,13 @@ mod entry;
 mod error;
 mod free_sectors;
 mod layout;
+mod lease;
 mod mapped;
 mod record;
 
-pub use clip_store::{LEASES, Lease, Status, Store};
+pub use clip_store::{Status, Store};
 pub use entry::{Entry, NAME_BYTES, Name};
 pub use error::StoreError;
 pub use layout::Layout;
-pub use mapped::{Mapped, PAGE_BYTES};
+pub use lease::{LEASES, Lease, Leases};
+pub use mapped::{GuardedFlash, GuardedFlashError, MappedFlash, PAGE_BYTES};

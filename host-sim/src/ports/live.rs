@@ -6,13 +6,13 @@ use crate::puppet::Map;
 use anyhow::{Result, bail};
 use firmware::bus::{BusError, Goal, Reading, ServoBus};
 use firmware::control_loop::{Surroundings, control_loop};
+use firmware::decoder_list::SingleClip;
 use firmware::fault::Feedback;
 use firmware::follow::{Counters, Follow, goal_map};
-use firmware::decoder_list::SingleClip;
+use firmware::frames::Frames;
+use firmware::library::Library;
 use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
-use firmware::library::Library;
-use firmware::frames::Frames;
 use firmware::playback::Playback;
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -48,7 +48,8 @@ pub fn play(
     asked: &AtomicUsize,
     say: &mut dyn FnMut(&str),
 ) -> Result<Played> {
-    let frames = Playback::new(frames, map, false, 0).map(Playback::into_frames).map_err(|(error, _)| error)?;
+    let frames =
+        Playback::new(frames, map, false, 0).map(Playback::into_frames).map_err(|(error, _)| error)?;
     perform(SingleClip::new(frames, Some(rate)), map, bus, asked, say, &mut || None)
 }
 

@@ -5,9 +5,9 @@ use crate::clip::Clip;
 use crate::puppet::Map;
 use anyhow::{Result, bail};
 use decoder_core::I16F16;
-use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use firmware::decoder_list::SingleClip;
-use firmware::machine::{After, Machine, IdealServos, Show, Start, State};
+use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
+use firmware::machine::{After, IdealServos, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
 
 /// The frames of a clip.

@@ -3,9 +3,9 @@
 use super::Map;
 use anyhow::{Result, anyhow};
 use firmware::clock::Speed;
+use firmware::frames::Frames;
 use firmware::limits::{FINE_BITS, Limiter};
 use firmware::map::Joint;
-use firmware::frames::Frames;
 use firmware::playback::Playback;
 use serde::Serialize;
 

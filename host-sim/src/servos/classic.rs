@@ -98,7 +98,7 @@ impl Servo {
     }
 
     /// Sets off for the goal, or lets go.
-    fn control_loop(&mut self) {
+    fn drive(&mut self) {
         if self.torque() {
             let goal = f64::from(self.word(self.series.goal_at));
             self.motion.go_to(goal, self.series.speed, f64::INFINITY, true);

@@ -8,14 +8,14 @@ use decoder_core::{Error, I16F16};
 use embedded_hal_async::delay::DelayNs;
 use firmware::bus::port::{Line, Port};
 use firmware::control_loop::{Surroundings, control_loop};
+use firmware::decoder_list::SingleClip;
 use firmware::dynamixel::{Client, DynamixelBus};
 use firmware::fault::{Fault, Feedback, UNHEARD_TICKS};
-use firmware::decoder_list::SingleClip;
+use firmware::frames::Frames;
+use firmware::library::Library;
 use firmware::limits::FINE_BITS;
 use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, Policy, Settings};
-use firmware::library::Library;
-use firmware::frames::Frames;
 use host_sim::servos::{Bus, BusConfig, Deed, Event, ServoConfig};
 use std::collections::BTreeMap;
 

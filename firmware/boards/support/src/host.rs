@@ -22,7 +22,7 @@ use firmware::link::session::Session;
 use firmware::machine::Machine;
 use firmware::map::MAX_SERVOS;
 use firmware::pwm::SetDutyCycle;
-use firmware::store::{Layout, Mapped, Store};
+use firmware::store::{Layout, MappedFlash, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 
 /// Most channels of a clip.
@@ -73,7 +73,7 @@ impl Puppet {
         T: InputPin,
         W: FnMut(),
         H: Read + Write,
-        F: Mapped,
+        F: MappedFlash,
     {
         let map = &self.map;
         let Wiring { uart, direction, line, trigger, feed, start, simulated } = wiring;
@@ -175,7 +175,7 @@ impl<T, W, H: Read + Write> Served<'_, T, W, H> {
 
 impl<F, T, W, H> Surroundings<Clips<'_, '_, F>, MAX_SERVOS> for Served<'_, T, W, H>
 where
-    F: Mapped,
+    F: MappedFlash,
     T: InputPin,
     W: FnMut(),
     H: Read + Write,
