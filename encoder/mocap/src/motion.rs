@@ -79,7 +79,7 @@ impl Motion {
 
     fn rotations(&self, skeleton: &Skeleton) -> Vec<usize> {
         assert_eq!(skeleton.channels.len(), self.channels, "channels of the skeleton and of the motion");
-        (0..self.channels).filter(|&channel| skeleton.channels[channel].kind.is_rotation()).collect()
+        (0..self.channels).filter(|&channel| skeleton.channels[channel].dof.is_rotation()).collect()
     }
 }
 

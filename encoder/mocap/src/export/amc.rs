@@ -45,7 +45,7 @@ pub fn write(
             write!(out, "{}", bone.name)?;
             for channel in bone.channels.clone() {
                 let value = pose[channel];
-                let value = match (skeleton.channels[channel].kind.is_rotation(), rotations) {
+                let value = match (skeleton.channels[channel].dof.is_rotation(), rotations) {
                     (false, _) => value / cm_per_unit,
                     (true, Rotations::AsTheyAre) => value,
                     (true, Rotations::Wrapped) => angles::wrap(value),
