@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use bunraku_tests::{motion, python, workspace};
-use mocap::import::{self, Clip, bvh};
+use mocap::Clip;
+use mocap::import::{self, bvh};
 use mocap::kinematics::Kinematics;
 use mocap::{Skeleton, export, sample};
 

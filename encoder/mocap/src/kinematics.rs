@@ -1,7 +1,8 @@
 //! Forward kinematics: where a pose puts the joints.
 
 use crate::angles::{self, Matrix};
-use crate::{Motion, Skeleton};
+use crate::motion::Motion;
+use crate::skeleton::Skeleton;
 
 /// Forward kinematics of one skeleton, prepared for many poses; a pose of the CMU skeleton (31 joints, 62
 /// channels) takes about 1 µs.

@@ -33,6 +33,7 @@
 #![forbid(unsafe_code)]
 
 pub mod angles;
+mod clip;
 pub mod export;
 pub mod import;
 pub mod kinematics;
@@ -41,7 +42,7 @@ pub mod motion;
 pub mod sample;
 pub mod skeleton;
 
-pub use import::Clip;
+pub use clip::Clip;
 pub use motion::Motion;
 pub use skeleton::Skeleton;
 

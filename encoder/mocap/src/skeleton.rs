@@ -54,7 +54,7 @@ impl Dof {
     }
 }
 
-/// One degree of freedom: a column of a [`Motion`](crate::Motion).
+/// One degree of freedom: a column of a [`Motion`](crate::motion::Motion).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
     /// `joint.dof`, for instance `rradius.rx`.

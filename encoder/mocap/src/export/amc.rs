@@ -2,9 +2,12 @@
 
 use std::io::Write;
 
-use super::{ExportError, check_channels, write_number};
+use super::error::{ExportError, check_channels};
+use super::number::write_number;
+use crate::angles;
+use crate::motion::Motion;
 use crate::skeleton::Origin;
-use crate::{Motion, Skeleton, angles};
+use crate::skeleton::Skeleton;
 
 /// Rotations as an AMC file gets them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

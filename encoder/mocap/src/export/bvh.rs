@@ -5,11 +5,13 @@
 
 use std::io::{self, Write};
 
-use super::{ExportError, check_channels, write_number};
+use super::error::{ExportError, check_channels};
+use super::number::write_number;
 use crate::angles::{self, Matrix};
 use crate::import::bvh::CHANNEL_NAMES;
+use crate::motion::Motion;
+use crate::skeleton::Skeleton;
 use crate::skeleton::{Dof, Joint, Origin};
-use crate::{Motion, Skeleton};
 
 /// Writes skeleton and motion.
 ///

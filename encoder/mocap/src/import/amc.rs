@@ -4,10 +4,11 @@
 
 use std::collections::HashMap;
 
-use super::ImportError;
+use super::error::ImportError;
 use super::text::{self, Lexer, quote};
+use crate::motion::Motion;
+use crate::skeleton::Skeleton;
 use crate::skeleton::{Dof, Origin};
-use crate::{Motion, Skeleton};
 
 /// Frames per second of a file that does not say: the rate of the CMU database.
 pub const DEFAULT_FPS: f64 = 120.0;

@@ -6,10 +6,10 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::ImportError;
+use super::error::ImportError;
 use super::text::{self, Lexer, quote};
-use crate::Skeleton;
 use crate::angles::{self, Matrix};
+use crate::skeleton::Skeleton;
 use crate::skeleton::{Channel, Dof, Joint, Origin};
 
 /// Centimetres in an inch: `length` in `:units` is the size of the file's unit of length, as a factor that

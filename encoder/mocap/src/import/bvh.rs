@@ -2,11 +2,12 @@
 //!
 //! Format: "Biovision BVH" (J. Lander, University of Wisconsin, 1999).
 
-use super::ImportError;
+use super::error::ImportError;
 use super::text::{self, Lexer, quote};
 use crate::angles::IDENTITY;
+use crate::motion::Motion;
+use crate::skeleton::Skeleton;
 use crate::skeleton::{Channel, Dof, Joint, Origin};
-use crate::{Motion, Skeleton};
 
 /// Words of `CHANNELS` lines.
 pub(crate) const CHANNEL_NAMES: [(Dof, &str); 6] = [
