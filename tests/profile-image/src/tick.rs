@@ -12,9 +12,9 @@ mod store;
 use core::hint::black_box;
 use cortex_m_rt::entry;
 use ends::{failed, finished};
-use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use firmware::decoder_list::SingleClip;
-use firmware::machine::{After, Machine, IdealServos, Show, Start, State};
+use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
+use firmware::machine::{After, IdealServos, Machine, Show, Start, State};
 use firmware::map::{JointMap, MAX_SERVOS};
 use store::{Decoder, Memory};
 

@@ -14,8 +14,7 @@ const START: u32 = FLASH_SIZE as u32 / 2;
 const END: u32 = FLASH_SIZE as u32;
 
 /// Two pages for the directory, the others for clips.
-pub const LAYOUT: Layout =
-    Layout { directory: [START, START + PAGE], clips: START + 2 * PAGE..END };
+pub const LAYOUT: Layout = Layout { directory: [START, START + PAGE], clips: START + 2 * PAGE..END };
 
 /// The flash.
 pub type Clips = InPlace<Nvmc<'static>, 0, FLASH_SIZE>;

@@ -20,16 +20,16 @@ use firmware::clips::{Mailbox, WithLive, Worker, decode};
 #[allow(unused_imports, reason = "not every show sets a speed")]
 use firmware::clock::Speed;
 use firmware::control_loop::{Surroundings, control_loop};
+use firmware::decoder_list::DecoderList;
 use firmware::dynamixel::bus::DynamixelBus;
 use firmware::dynamixel::client::Client;
 use firmware::fault::{Fault, Feedback};
-use firmware::decoder_list::DecoderList;
+use firmware::library::Library;
 #[allow(unused_imports, reason = "not every show has commands")]
 use firmware::machine::{After, Command, Machine, Show, Start, State};
 use firmware::map::{JointMap, MAX_SERVOS};
 use firmware::script::{Order, Script};
 use firmware::sender::{STREAM, Sender, StreamMemory};
-use firmware::library::Library;
 use firmware::stream::{Counters, Live, Made};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));

@@ -22,8 +22,7 @@ const START: u32 = MB as u32;
 const END: u32 = BYTES as u32;
 
 /// Two sectors for the directory, the others for clips.
-pub const LAYOUT: Layout =
-    Layout { directory: [START, START + SECTOR], clips: START + 2 * SECTOR..END };
+pub const LAYOUT: Layout = Layout { directory: [START, START + SECTOR], clips: START + 2 * SECTOR..END };
 
 /// The flash.
 pub type Clips = InPlace<Driver, 0x1000_0000, BYTES>;

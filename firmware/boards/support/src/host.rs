@@ -2,7 +2,7 @@
 
 use crate::clip;
 use crate::hobby::Hobby;
-use crate::show::{Puppet, SHOW, BoardSurroundings, Wiring};
+use crate::show::{BoardSurroundings, Puppet, SHOW, Wiring};
 use core::pin::pin;
 use decoder_core::{I16F16, Limits};
 use embassy_futures::poll_once;
@@ -12,8 +12,8 @@ use embedded_hal_async::i2c::I2c;
 use embedded_io_async::{Read, Write};
 use firmware::bus::port::Port;
 use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
-use firmware::device::{Device, Identity};
 use firmware::control_loop::{Surroundings, control_loop};
+use firmware::device::{Device, Identity};
 use firmware::dynamixel::bus::DynamixelBus;
 use firmware::dynamixel::client::Client;
 use firmware::fault::Feedback;

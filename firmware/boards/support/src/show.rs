@@ -7,13 +7,13 @@ use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
 use embedded_io_async::{Read, Write};
 use firmware::bus::port::{Line, Port};
 use firmware::control_loop::{Surroundings, control_loop};
+use firmware::decoder_list::SingleClip;
 use firmware::dynamixel::bus::DynamixelBus;
 use firmware::dynamixel::client::Client;
 use firmware::fault::{Fault, Feedback};
-use firmware::decoder_list::SingleClip;
+use firmware::library::Library;
 use firmware::machine::{After, Command, Machine, Show, Start, State};
 use firmware::map::{BusKind, JointMap, MAX_SERVOS};
-use firmware::library::Library;
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 
