@@ -10,7 +10,6 @@ use crate::qemu_log::Log;
 use crate::rp2040js;
 use crate::servos::line::{Instantly, Line};
 use crate::servos::pins::Board;
-use crate::thumb::{self, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
 use firmware::bus::ServoBus;
 use firmware::bus::mixed::{Parts, mixed};
@@ -30,6 +29,7 @@ use std::io;
 use std::pin::pin;
 use std::task::{Context as TaskContext, Poll, Waker};
 use std::time::Duration;
+use thumb_cycles::{Core, Image, Machine, Usage};
 
 mod recorder;
 
@@ -209,7 +209,7 @@ pub fn on_sim(
     let mut lines = Log::new(&elf)?;
     let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
     let mut machine =
-        Machine::new(Core::M4, &thumb::Board::mps2(), &image).map_err(|error| anyhow!(error))?;
+        Machine::new(Core::M4, &thumb_cycles::Board::mps2(), &image).map_err(|error| anyhow!(error))?;
     let mut recorder = Recorder::new(map)?;
     let mut garbled = Ok(());
     let ended = machine.run_to_exit(

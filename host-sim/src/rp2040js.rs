@@ -4,12 +4,12 @@
 
 use crate::qemu_log::Log;
 use crate::servos::pins::Pins;
-use crate::thumb::{Board, Image, Memory};
 use anyhow::{Context, Result, anyhow, bail};
 use std::io::{ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
+use thumb_cycles::{Board, Image, Memory};
 
 /// What Node.js runs.
 const SCRIPT: &str = include_str!("rp2040js.mjs");

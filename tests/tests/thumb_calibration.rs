@@ -4,9 +4,9 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, npm_package, require_program, require_target};
-use host_sim::thumb::{Board, Core, Image, Machine, Stop, Waits};
 use std::fs;
 use std::process::Command;
+use thumb_cycles::{Board, Core, Image, Machine, Stop, Waits};
 
 /// More than any of these takes.
 const LIMIT: u64 = 100_000_000;

@@ -3,9 +3,9 @@
 
 use bunraku_tests::vectors::Vector;
 use bunraku_tests::{cargo, require_target, vectors};
-use host_sim::thumb::{Board, Core, Image, Machine, Usage};
 use std::fs;
 use std::time::{Duration, Instant};
+use thumb_cycles::{Board, Core, Image, Machine, Usage};
 
 fn image(target: &str, binary: &str) -> Option<Image> {
     if !require_target(target) {

@@ -5,7 +5,6 @@
 use bunraku_tests::{cargo, require_program, require_target, vectors, workspace};
 use host_sim::puppet::Puppet;
 use host_sim::servos::{Bus, BusConfig};
-use host_sim::thumb::{Board, Core, Image, Machine, Stop};
 use host_sim::{board, qemu};
 use std::fs;
 use std::io::{Read, Write};
@@ -14,6 +13,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+use thumb_cycles::{Board, Core, Image, Machine, Stop};
 
 /// More than any of these takes, in cycles and in time.
 const CYCLES: u64 = 10_000_000_000;

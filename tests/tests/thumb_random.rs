@@ -7,15 +7,15 @@
 
 use bunraku_tests::{cargo, require_program, require_target, vectors, workspace};
 use host_sim::puppet::{Puppet, to_bytes};
-use host_sim::thumb::decode::{decode, is_wide};
-use host_sim::thumb::insn::{Arch, Class, Index, Insn, Op, Src};
-use host_sim::thumb::{Board, Core, Cpu, Image, Machine, Region, Stop};
 use host_sim::{board, profile};
 use object::{Object, ObjectSection, ObjectSymbol, SectionKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::fs;
 use std::process::{Command, Stdio};
+use thumb_cycles::decode::{decode, is_wide};
+use thumb_cycles::insn::{Arch, Class, Index, Insn, Op, Src};
+use thumb_cycles::{Board, Core, Cpu, Image, Machine, Region, Stop};
 
 /// Sets of registers: the first half any numbers, the second half addresses (in even registers) and small offsets.
 const SETS: u32 = 64;
@@ -206,7 +206,7 @@ impl Generator {
         machine.cpu.r[..13].copy_from_slice(&set[..13]);
         machine.cpu.r[13] = ram + STACK;
         machine.cpu.r[14] = set[13];
-        machine.cpu.flags = host_sim::thumb::Flags::from_bits(set[14]);
+        machine.cpu.flags = thumb_cycles::Flags::from_bits(set[14]);
         machine.cpu.pc = ram + SLOT_AT;
         if !machine.memory.load(ram + SLOT_AT, slot) {
             return false;
@@ -316,7 +316,7 @@ impl Generator {
             written |= insn.writes;
             insns.push(insn);
             code.extend(next);
-            state = host_sim::thumb::decode::advance_it(state);
+            state = thumb_cycles::decode::advance_it(state);
         }
         self.case(code, &insns)
     }

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, require_target};
-use host_sim::thumb::{Board, Core, Image, Machine, Stop};
 use std::fs;
+use thumb_cycles::{Board, Core, Image, Machine, Stop};
 
 /// A snippet of `tests/calibration/src/rules.in`.
 struct Rule {

@@ -1,9 +1,9 @@
 //! Runs a bare image on the simulator, frame by frame.
 
 use super::flame::Node;
-use crate::thumb::{Board, Core, Image, Machine, Region, SelfCycles, Stop};
 use anyhow::{Context, Result, anyhow, bail};
 use std::time::{Duration, Instant};
+use thumb_cycles::{Board, Core, Image, Machine, Region, SelfCycles, Stop};
 
 /// Cycles that one call of the image may take: more than any clip's table takes to convert.
 pub(super) const LIMIT: u64 = 2_000_000_000;

@@ -6,10 +6,10 @@
 use super::measure;
 use crate::clip::Clip;
 use crate::puppet::{self, Map};
-use crate::thumb::{Core, Image, Machine, Stop};
 use anyhow::{Context, Result, anyhow, bail};
 use firmware::clock::{Clock, MAX_TICK_HZ, Speed};
 use firmware::wearable::Wearable;
+use thumb_cycles::{Core, Image, Machine, Stop};
 
 /// Most that SysTick counts to.
 const MOST_RELOAD: u32 = 1 << 24;

@@ -8,7 +8,6 @@ use crate::play::{Recorder, Recording, on_the_spot};
 use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
-use crate::thumb::{Board, Core, Image, Machine, Stop};
 use anyhow::{Context, Result, anyhow, bail};
 use firmware::clips::{Post, WithLive, Worker, decode};
 use firmware::drive::Surroundings;
@@ -23,6 +22,7 @@ use firmware::stream::{Counters, Live, Made};
 use serde::Serialize;
 use std::pin::pin;
 use std::time::Duration;
+use thumb_cycles::{Board, Core, Image, Machine, Stop};
 
 /// Microseconds that servos on the simulated wire may be late.
 const SLACK_US: u32 = 300;

@@ -1,7 +1,7 @@
 //! 32-bit instructions on registers alone (A5.3.12 to A5.3.17): shifts, extends, multiplies and the DSP extension.
 
-use super::super::insn::{Arch, Class, Insn, Op};
 use super::{bits, reg, undefined};
+use crate::insn::{Arch, Class, Insn, Op};
 
 fn alu(op: Op) -> Insn {
     Insn::new(op, Class::Alu, 4)

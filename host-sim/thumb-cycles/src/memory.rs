@@ -1,6 +1,6 @@
 //! Memory regions, each with the decoded instructions and the cycle counts of what was executed in it.
 
-use super::insn::Insn;
+use crate::insn::Insn;
 
 /// How long reads of a region take. Zero wait states unless said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,9 +34,9 @@ pub struct Region {
     /// Wait states.
     pub waits: Waits,
     /// Decoded instructions, one for each halfword up to the last that was executed.
-    pub(super) code: Vec<Insn>,
+    pub(crate) code: Vec<Insn>,
     /// Cycles spent on each of them.
-    pub(super) cycles: Vec<u64>,
+    pub(crate) cycles: Vec<u64>,
 }
 
 impl Region {
@@ -55,7 +55,7 @@ impl Region {
 }
 
 /// What is at no address.
-pub(super) const NO_REGION: u8 = u8::MAX;
+pub(crate) const NO_REGION: u8 = u8::MAX;
 
 /// Why an access failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,7 +71,7 @@ pub enum AccessError {
 /// All regions. Peripherals are elsewhere: what is not found here may be theirs.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
-    pub(super) regions: Vec<Region>,
+    pub(crate) regions: Vec<Region>,
     /// For each 16 MB, its region.
     map: Vec<u8>,
 }
@@ -100,7 +100,7 @@ impl Memory {
 
     /// The region of an address and the offset in it.
     #[inline]
-    pub(super) fn locate(&self, address: u32) -> Option<(usize, usize)> {
+    pub(crate) fn locate(&self, address: u32) -> Option<(usize, usize)> {
         let number = usize::from(*self.map.get((address >> 24) as usize)?);
         let region = self.regions.get(number)?;
         let offset = address.wrapping_sub(region.base) as usize;
@@ -109,7 +109,7 @@ impl Memory {
 
     /// Little-endian bytes.
     #[inline]
-    pub(super) fn read<const N: usize>(&self, address: u32) -> Option<[u8; N]> {
+    pub(crate) fn read<const N: usize>(&self, address: u32) -> Option<[u8; N]> {
         let number = usize::from(*self.map.get((address >> 24) as usize)?);
         let region = self.regions.get(number)?;
         let offset = address.wrapping_sub(region.base) as usize;
@@ -118,7 +118,7 @@ impl Memory {
 
     /// Writes bytes and forgets what was decoded there.
     #[inline]
-    pub(super) fn write<const N: usize>(&mut self, address: u32, bytes: [u8; N]) -> Result<(), AccessError> {
+    pub(crate) fn write<const N: usize>(&mut self, address: u32, bytes: [u8; N]) -> Result<(), AccessError> {
         let number = self.map.get((address >> 24) as usize).map_or(NO_REGION, |&number| number);
         let region = self.regions.get_mut(usize::from(number)).ok_or(AccessError::Unmapped)?;
         let offset = address.wrapping_sub(region.base) as usize;
@@ -135,7 +135,7 @@ impl Memory {
 
     /// The decoded instruction at `pc`, if it is decoded, and the number of its region.
     #[inline]
-    pub(super) fn fetch(&self, pc: u32) -> Option<(usize, usize, &Insn)> {
+    pub(crate) fn fetch(&self, pc: u32) -> Option<(usize, usize, &Insn)> {
         let number = usize::from(*self.map.get((pc >> 24) as usize)?);
         let region = self.regions.get(number)?;
         let at = (pc.wrapping_sub(region.base) >> 1) as usize;
@@ -144,14 +144,14 @@ impl Memory {
 
     /// Counts cycles for an instruction that [`Memory::fetch`] gave.
     #[inline]
-    pub(super) fn count(&mut self, region: usize, at: usize, cycles: u32) {
+    pub(crate) fn count(&mut self, region: usize, at: usize, cycles: u32) {
         if let Some(sum) = self.regions.get_mut(region).and_then(|region| region.cycles.get_mut(at)) {
             *sum = sum.wrapping_add(u64::from(cycles));
         }
     }
 
     /// Keeps a decoded instruction.
-    pub(super) fn set_code(&mut self, address: u32, insn: Insn) {
+    pub(crate) fn set_code(&mut self, address: u32, insn: Insn) {
         if let Some(region) = self.region_mut(address) {
             let at = (address.wrapping_sub(region.base) >> 1) as usize;
             region.grow(at);
@@ -162,7 +162,7 @@ impl Memory {
     }
 
     /// Forgets what was decoded at an address.
-    pub(super) fn forget_code(&mut self, address: u32) {
+    pub(crate) fn forget_code(&mut self, address: u32) {
         if let Some(region) = self.region_mut(address)
             && let Some(place) = region.code.get_mut((address.wrapping_sub(region.base) >> 1) as usize)
         {
@@ -171,7 +171,7 @@ impl Memory {
     }
 
     /// Sets all cycle counts to zero.
-    pub(super) fn forget_counts(&mut self) {
+    pub(crate) fn forget_counts(&mut self) {
         for region in &mut self.regions {
             region.cycles.fill(0);
         }
@@ -222,7 +222,7 @@ impl Region {
     }
 
     /// Makes room for decoded instructions up to `at`.
-    pub(super) fn grow(&mut self, at: usize) {
+    pub(crate) fn grow(&mut self, at: usize) {
         if at >= self.code.len() {
             let len = (at + 1).next_multiple_of(1024);
             self.code.resize(len, Insn::UNDECODED);

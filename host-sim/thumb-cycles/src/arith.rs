@@ -1,6 +1,6 @@
 //! Integer arithmetic as the Arm manual's pseudocode defines it (DDI 0403, A2.2 and A7.4).
 
-use super::insn::Shift;
+use crate::insn::Shift;
 
 /// `x + y + carry`: sum, carry out, signed overflow.
 #[inline]

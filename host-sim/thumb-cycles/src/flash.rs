@@ -3,7 +3,7 @@
 //! This is the least that real flash interfaces have (the STM32F1's prefetch buffer is two lines of 64 bits); caches
 //! such as the STM32F4's ART do better.
 
-use super::memory::Waits;
+use crate::memory::Waits;
 
 /// The line that is kept.
 #[derive(Clone, Copy, Debug, Default)]

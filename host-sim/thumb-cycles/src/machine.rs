@@ -1,18 +1,18 @@
 //! The machine: fetch, execute, count, and everything that happens between two instructions.
 
-use super::board::{Board, Core};
-use super::calls::Calls;
-use super::cpu::Cpu;
-use super::fault::{Cause, Fault};
-use super::flash::FlashBuffer;
-use super::image::Image;
-use super::insn::Arch;
-use super::memory::{AccessError, Memory};
-use super::nvic::Nvic;
-use super::semihosting::{Files, Handle};
-use super::systick::SysTick;
-use super::timing::{M0, M3M4, M7, M33, Untimed};
-use super::uart::Uart;
+use crate::board::{Board, Core};
+use crate::calls::Calls;
+use crate::cpu::Cpu;
+use crate::fault::{Cause, Fault};
+use crate::flash::FlashBuffer;
+use crate::image::Image;
+use crate::insn::Arch;
+use crate::memory::{AccessError, Memory};
+use crate::nvic::Nvic;
+use crate::semihosting::{Files, Handle};
+use crate::systick::SysTick;
+use crate::timing::{M0, M3M4, M7, M33, Untimed};
+use crate::uart::Uart;
 use std::collections::BTreeSet;
 
 /// What an instruction did, for the timing models.
@@ -32,7 +32,7 @@ pub struct Outcome {
 
 /// Why an instruction needs more than the execution loop.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Trap {
+pub(crate) enum Trap {
     Undecoded,
     Undefined,
     Coprocessor,
@@ -68,11 +68,11 @@ pub enum Stop {
 }
 
 /// Where functions that the host calls return to.
-pub(super) const RETURN: u32 = 0xfffe_fffe;
+pub(crate) const RETURN: u32 = 0xfffe_fffe;
 
 /// A core's timing.
 #[derive(Clone, Debug)]
-pub(super) enum Model {
+pub(crate) enum Model {
     M0(M0<false>),
     M0Plus(M0<true>),
     M3(M3M4<false>),
@@ -109,44 +109,44 @@ pub struct Machine {
     pub files: Files,
     /// What the image gets as its command line.
     pub command_line: String,
-    pub(super) handles: Vec<Option<Handle>>,
-    pub(super) nvic: Nvic,
-    pub(super) systick: SysTick,
-    pub(super) uart: Option<Uart>,
+    pub(crate) handles: Vec<Option<Handle>>,
+    pub(crate) nvic: Nvic,
+    pub(crate) systick: SysTick,
+    pub(crate) uart: Option<Uart>,
     /// Event register of WFE.
-    pub(super) event: bool,
-    pub(super) sleeping: bool,
-    pub(super) sleeps_for_event: bool,
-    pub(super) vtor: u32,
-    pub(super) scr: u32,
+    pub(crate) event: bool,
+    pub(crate) sleeping: bool,
+    pub(crate) sleeps_for_event: bool,
+    pub(crate) vtor: u32,
+    pub(crate) scr: u32,
     /// DEMCR and DWT_CTRL as written, and what CYCCNT is behind the cycles.
-    pub(super) demcr: u32,
-    pub(super) dwt_control: u32,
-    pub(super) cyccnt_base: u32,
-    pub(super) mark: Option<(u8, u32)>,
-    pub(super) reset: bool,
-    pub(super) core: Core,
-    pub(super) arch: Arch,
+    pub(crate) demcr: u32,
+    pub(crate) dwt_control: u32,
+    pub(crate) cyccnt_base: u32,
+    pub(crate) mark: Option<(u8, u32)>,
+    pub(crate) reset: bool,
+    pub(crate) core: Core,
+    pub(crate) arch: Arch,
     /// ARMv6-M: no unaligned accesses.
-    pub(super) aligned_only: bool,
-    pub(super) has_dsp: bool,
-    pub(super) cycles: u64,
-    pub(super) asleep: u64,
-    pub(super) instructions: u64,
-    pub(super) exceptions: u64,
+    pub(crate) aligned_only: bool,
+    pub(crate) has_dsp: bool,
+    pub(crate) cycles: u64,
+    pub(crate) asleep: u64,
+    pub(crate) instructions: u64,
+    pub(crate) exceptions: u64,
     /// The cycle at which something has to be looked at between two instructions.
-    pub(super) deadline: u64,
+    pub(crate) deadline: u64,
     /// The cycle to stop at.
-    pub(super) limit: u64,
-    pub(super) model: Model,
-    pub(super) flash: FlashBuffer,
-    pub(super) image: Image,
-    pub(super) breakpoints: BTreeSet<u32>,
+    pub(crate) limit: u64,
+    pub(crate) model: Model,
+    pub(crate) flash: FlashBuffer,
+    pub(crate) image: Image,
+    pub(crate) breakpoints: BTreeSet<u32>,
     /// The breakpoint that running on steps over.
-    pub(super) skip: Option<u32>,
-    pub(super) stack_top: u32,
-    pub(super) stack_low: u32,
-    pub(super) calls: Calls,
+    pub(crate) skip: Option<u32>,
+    pub(crate) stack_top: u32,
+    pub(crate) stack_low: u32,
+    pub(crate) calls: Calls,
 }
 
 impl Machine {
@@ -327,7 +327,7 @@ impl Machine {
     }
 
     /// Makes the loop look at what may have changed before the next instruction.
-    pub(super) fn look(&mut self) {
+    pub(crate) fn look(&mut self) {
         self.deadline = 0;
     }
 }

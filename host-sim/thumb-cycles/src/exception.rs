@@ -1,16 +1,16 @@
 //! Entering and leaving exceptions (DDI 0403, B1.5.6 to B1.5.8).
 
-use super::cpu::Flags;
-use super::fault::Cause;
-use super::machine::{Machine, Trap};
-use super::timing::ExceptionCycles;
+use crate::cpu::Flags;
+use crate::fault::Cause;
+use crate::machine::{Machine, Trap};
+use crate::timing::ExceptionCycles;
 
 /// Bytes of a frame without FPU registers.
 const FRAME: u32 = 32;
 
 impl Machine {
     /// Stacks a frame and goes on in the handler of `number`.
-    pub(super) fn enter_exception(&mut self, number: u16, cycles: u32) -> Result<(), Cause> {
+    pub(crate) fn enter_exception(&mut self, number: u16, cycles: u32) -> Result<(), Cause> {
         let process = self.cpu.on_process_stack();
         let sp = self.cpu.r[13];
         let padded = sp & 4;
@@ -55,7 +55,7 @@ impl Machine {
     }
 
     /// A branch to `exc_return` in a handler: the next handler, or back to what was interrupted.
-    pub(super) fn return_from_exception(
+    pub(crate) fn return_from_exception(
         &mut self,
         exc_return: u32,
         cycles: &ExceptionCycles,

@@ -5,7 +5,7 @@ mod narrow;
 mod system;
 mod wide;
 
-use super::insn::{Arch, Class, Insn, Op, Shift};
+use crate::insn::{Arch, Class, Insn, Op, Shift};
 
 /// Whether an instruction that starts with this halfword has a second one.
 pub fn is_wide(first: u16) -> bool {
@@ -26,7 +26,7 @@ pub fn decode(arch: Arch, pc: u32, first: u16, second: u16, it: u8) -> Insn {
         insn.it = it;
         // Always-true conditions have two encodings.
         if insn.cond == 15 {
-            insn.cond = super::insn::ALWAYS;
+            insn.cond = crate::insn::ALWAYS;
         }
     }
     insn.with_masks()

@@ -1,7 +1,7 @@
 //! How cycles and stack were used, by function.
 
-use super::calls::Calls;
-use super::machine::Machine;
+use crate::calls::Calls;
+use crate::machine::Machine;
 
 /// What a function cost by itself, without those that it called.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! An ELF file as it was built: what to load where, and the names of its functions.
 
-use super::memory::Memory;
+use crate::memory::Memory;
 use addr2line::gimli;
 use object::elf::PT_LOAD;
 use object::read::elf::{FileHeader, ProgramHeader};
@@ -87,7 +87,7 @@ impl Image {
 
     /// Halfwords at `address`, without symbols.
     #[cfg(test)]
-    pub(super) fn of(parts: &[(u32, &[u16])]) -> Self {
+    pub(crate) fn of(parts: &[(u32, &[u16])]) -> Self {
         let bytes = |halves: &[u16]| halves.iter().flat_map(|half| half.to_le_bytes()).collect();
         Self {
             segments: parts.iter().map(|&(address, halves)| (address, bytes(halves))).collect(),

@@ -1,8 +1,8 @@
 //! Loads, stores, branches, and the core's state.
 
-use super::insn::{Index, Insn, Op};
-use super::machine::{Machine, Outcome, Trap};
-use super::memory::AccessError;
+use crate::insn::{Index, Insn, Op};
+use crate::machine::{Machine, Outcome, Trap};
+use crate::memory::AccessError;
 
 impl Machine {
     #[inline]
@@ -33,7 +33,7 @@ impl Machine {
 
     /// Reads `N` bytes; `aligned` where the instruction needs an aligned address on every core.
     #[inline]
-    pub(super) fn load<const N: usize>(&mut self, address: u32, aligned: bool) -> Result<u32, Trap> {
+    pub(crate) fn load<const N: usize>(&mut self, address: u32, aligned: bool) -> Result<u32, Trap> {
         let misaligned = address & (N as u32 - 1) != 0;
         if misaligned && (aligned || self.aligned_only) {
             return Err(Trap::Access { address, write: false, error: AccessError::Unaligned });
@@ -52,7 +52,7 @@ impl Machine {
 
     /// Writes `N` bytes.
     #[inline]
-    pub(super) fn store<const N: usize>(
+    pub(crate) fn store<const N: usize>(
         &mut self,
         address: u32,
         value: u32,
@@ -75,7 +75,7 @@ impl Machine {
     }
 
     #[inline]
-    pub(super) fn transfer_or_branch(&mut self, insn: &Insn, outcome: &mut Outcome) -> Result<(), Trap> {
+    pub(crate) fn transfer_or_branch(&mut self, insn: &Insn, outcome: &mut Outcome) -> Result<(), Trap> {
         match insn.op {
             Op::Ldr | Op::Ldrb | Op::Ldrh | Op::Ldrsb | Op::Ldrsh | Op::LdrPc => {
                 let (address, base) = self.address(insn);
@@ -338,9 +338,9 @@ impl Machine {
         let process = cpu.on_process_stack();
         match number {
             0..=3 => {
-                let new = super::cpu::Flags::from_bits(value);
+                let new = crate::cpu::Flags::from_bits(value);
                 if mask & 2 != 0 || self.aligned_only {
-                    cpu.flags = super::cpu::Flags { q: cpu.flags.q, ge: cpu.flags.ge, ..new };
+                    cpu.flags = crate::cpu::Flags { q: cpu.flags.q, ge: cpu.flags.ge, ..new };
                     if !self.aligned_only {
                         cpu.flags.q = new.q;
                     }

@@ -1,8 +1,8 @@
 //! Cortex-M3 and M4: three stages; loads pipeline with each other, and an address is needed a cycle early.
 
-use super::super::insn::{Class, Index, Insn};
-use super::super::machine::Outcome;
 use super::{ExceptionCycles, Timing, divide};
+use crate::insn::{Class, Index, Insn};
+use crate::machine::Outcome;
 
 /// What the instruction before left in the pipeline.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,7 +1,7 @@
 //! 16-bit instructions (A5.2).
 
-use super::super::insn::{Arch, Class, Index, Insn, Op, Shift, Src};
 use super::{bits, immediate_shift, reg, sign_extend, undefined};
+use crate::insn::{Arch, Class, Index, Insn, Op, Shift, Src};
 
 fn alu(op: Op) -> Insn {
     Insn::new(op, Class::Alu, 2)

@@ -1,15 +1,15 @@
 //! The execution loop: fetch, execute, count; and what happens between two instructions.
 
-use super::decode::{advance_it, decode, is_wide};
-use super::fault::{Cause, Fault};
-use super::insn::{ALWAYS, Class, Insn, Op};
-use super::machine::{Machine, Outcome, RETURN, Stop, Trap};
-use super::nvic::{SV_CALL, SYS_TICK};
-use super::timing::Timing;
-use super::uart::Uart;
+use crate::decode::{advance_it, decode, is_wide};
+use crate::fault::{Cause, Fault};
+use crate::insn::{ALWAYS, Class, Insn, Op};
+use crate::machine::{Machine, Outcome, RETURN, Stop, Trap};
+use crate::nvic::{SV_CALL, SYS_TICK};
+use crate::timing::Timing;
+use crate::uart::Uart;
 
 impl Machine {
-    pub(super) fn run_with<T: Timing>(&mut self, timing: &mut T, waits: bool) -> Result<Stop, Cause> {
+    pub(crate) fn run_with<T: Timing>(&mut self, timing: &mut T, waits: bool) -> Result<Stop, Cause> {
         if waits { self.execute_loop::<T, true>(timing) } else { self.execute_loop::<T, false>(timing) }
     }
 
@@ -74,12 +74,12 @@ impl Machine {
         }
     }
 
-    pub(super) fn enter_call(&mut self, target: u32, return_to: u32) {
+    pub(crate) fn enter_call(&mut self, target: u32, return_to: u32) {
         self.calls.enter(target, return_to, self.cycles - self.asleep);
     }
 
     /// A new low of the stack pointer counts on the main stack only.
-    pub(super) fn note_stack(&mut self, sp: u32) {
+    pub(crate) fn note_stack(&mut self, sp: u32) {
         if !self.cpu.on_process_stack() {
             self.stack_low = self.stack_low.min(sp);
         }
@@ -186,7 +186,7 @@ impl Machine {
         timer.into_iter().chain(uart).min().unwrap_or(u64::MAX)
     }
 
-    pub(super) fn pending_exception(&self) -> Option<u16> {
+    pub(crate) fn pending_exception(&self) -> Option<u16> {
         self.nvic.next(self.cpu.primask, self.cpu.faultmask, self.cpu.basepri)
     }
 
@@ -309,7 +309,7 @@ impl Machine {
         Cause::Undefined { first, second: is_wide(first).then(|| half(pc + 2)) }
     }
 
-    pub(super) fn fault(&self, cause: Cause) -> Fault {
+    pub(crate) fn fault(&self, cause: Cause) -> Fault {
         let pc = self.cpu.pc;
         let function = self.image.function_at(pc).and_then(|number| self.image.functions().get(number));
         let mut registers = [0; 15];

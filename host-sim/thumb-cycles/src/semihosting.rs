@@ -2,8 +2,8 @@
 //!
 //! Nothing here touches the host's files: those that an image opens are in [`Files`].
 
-use super::fault::Cause;
-use super::machine::{Machine, Stop, Trap};
+use crate::fault::Cause;
+use crate::machine::{Machine, Stop, Trap};
 use std::collections::BTreeMap;
 
 /// Files of the image: what the host gave, and what the image has written.
@@ -17,14 +17,14 @@ const APPLICATION_EXIT: u32 = 0x2_0026;
 
 /// An open file.
 #[derive(Clone, Debug)]
-pub(super) enum Handle {
+pub(crate) enum Handle {
     Console,
     File { name: String, at: usize },
 }
 
 impl Machine {
     /// Carries out the operation in r0 on the block at r1. What ends the image is given.
-    pub(super) fn semihosting(&mut self) -> Result<Option<Stop>, Trap> {
+    pub(crate) fn semihosting(&mut self) -> Result<Option<Stop>, Trap> {
         let (operation, block) = (self.cpu.r[0], self.cpu.r[1]);
         let result = match operation {
             0x01 => {

@@ -20,8 +20,8 @@ pub use m3m4::M3M4;
 pub use m7::M7;
 pub use m33::M33;
 
-use super::insn::Insn;
-use super::machine::Outcome;
+use crate::insn::Insn;
+use crate::machine::Outcome;
 
 /// Cycles of exceptions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

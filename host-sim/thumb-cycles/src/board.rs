@@ -1,7 +1,7 @@
 //! Machines to simulate: a core and its memory map.
 
-use super::insn::Arch;
-use super::memory::Region;
+use crate::insn::Arch;
+use crate::memory::Region;
 
 /// A core whose timing is modelled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -46,17 +46,6 @@ impl Core {
     /// The core with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|core| core.name() == name)
-    }
-
-    /// Its number in the header of a .mclip (docs/FORMAT.md, "Header"): its place in [`ALL`](Self::ALL).
-    pub fn number(self) -> Option<u8> {
-        let place = Self::ALL.into_iter().position(|core| core == self)?;
-        u8::try_from(place).ok()
-    }
-
-    /// The core with this number.
-    pub fn from_number(number: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(number)).copied()
     }
 
     /// Its instructions.

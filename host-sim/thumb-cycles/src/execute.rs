@@ -1,10 +1,10 @@
 //! What each instruction does to registers (DDI 0403, A7.7). Memory and control flow are in `transfer`.
 
-use super::arith::{
+use crate::arith::{
     add_with_carry, half, parallel, saturate_signed, saturate_unsigned, shift, shift as shift_value,
 };
-use super::insn::{Insn, Op, Src};
-use super::machine::{Machine, Outcome, Trap};
+use crate::insn::{Insn, Op, Src};
+use crate::machine::{Machine, Outcome, Trap};
 
 impl Machine {
     #[inline]
@@ -65,7 +65,7 @@ impl Machine {
 
     /// Carries an instruction out whose condition holds.
     #[inline]
-    pub(super) fn execute(&mut self, insn: &Insn, outcome: &mut Outcome) -> Result<(), Trap> {
+    pub(crate) fn execute(&mut self, insn: &Insn, outcome: &mut Outcome) -> Result<(), Trap> {
         match insn.op {
             Op::Mov => {
                 let (value, carry) = self.operand(insn);
@@ -182,7 +182,7 @@ impl Machine {
 
     #[inline]
     fn shift_by_register(&mut self, insn: &Insn) {
-        use super::insn::Shift;
+        use crate::insn::Shift;
         let kind = match insn.op {
             Op::LslReg => Shift::Lsl,
             Op::LsrReg => Shift::Lsr,

@@ -2,9 +2,9 @@
 //! memory, and a branch predictor. Rules are those of *pipetest* on an STM32H743 that matter most; the core has many
 //! more. Caches are not modelled: memory answers at once.
 
-use super::super::insn::{Class, Insn, Op};
-use super::super::machine::Outcome;
 use super::{ExceptionCycles, Timing, divide};
+use crate::insn::{Class, Insn, Op};
+use crate::machine::Outcome;
 
 /// Entries of the branch predictor: 2-bit counters, by address.
 const PREDICTORS: usize = 512;
@@ -169,7 +169,7 @@ impl Timing for M7 {
             let base = usize::from(insn.n & 15);
             (self.late[base], self.early[base]) = (issue, issue + 1);
         }
-        let conditional = insn.cond != super::super::insn::ALWAYS || matches!(insn.op, Op::Cbz | Op::Cbnz);
+        let conditional = insn.cond != crate::insn::ALWAYS || matches!(insn.op, Op::Cbz | Op::Cbnz);
         self.older = match insn.class {
             Class::Branch if conditional => {
                 if self.mispredicts(pc, outcome.taken) {

@@ -1,6 +1,6 @@
 //! Why a simulation cannot go on.
 
-use super::memory::AccessError;
+use crate::memory::AccessError;
 use std::fmt::{Display, Formatter, Result};
 
 /// What went wrong.

@@ -1,7 +1,7 @@
 //! 32-bit instructions (A5.3): data processing, loads and stores.
 
-use super::super::insn::{Arch, Class, Index, Insn, Op, Shift, Src};
 use super::{bits, dsp, immediate_shift, reg, sign_extend, system, undefined};
+use crate::insn::{Arch, Class, Index, Insn, Op, Shift, Src};
 
 fn alu(op: Op) -> Insn {
     Insn::new(op, Class::Alu, 4)

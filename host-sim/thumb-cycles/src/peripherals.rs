@@ -1,16 +1,16 @@
 //! Registers that are no memory: the core's own at 0xE000_0000 (DDI 0403, B3), and the UART's.
 
-use super::board::Core;
-use super::machine::{Machine, Trap};
-use super::memory::AccessError;
-use super::nvic::{PEND_SV, SYS_TICK};
+use crate::board::Core;
+use crate::machine::{Machine, Trap};
+use crate::memory::AccessError;
+use crate::nvic::{PEND_SV, SYS_TICK};
 
 const ITM: u32 = 0xe000_0000;
 const DWT: u32 = 0xe000_1000;
 const SYSTEM: u32 = 0xe000_e000;
 
 impl Machine {
-    pub(super) fn read_peripheral(&mut self, address: u32, bytes: u32) -> Result<u32, Trap> {
+    pub(crate) fn read_peripheral(&mut self, address: u32, bytes: u32) -> Result<u32, Trap> {
         let word = self.read_register(address & !3).ok_or(Trap::Access {
             address,
             write: false,
@@ -54,7 +54,7 @@ impl Machine {
         }
     }
 
-    pub(super) fn write_peripheral(&mut self, address: u32, value: u32, bytes: u32) -> Result<(), Trap> {
+    pub(crate) fn write_peripheral(&mut self, address: u32, value: u32, bytes: u32) -> Result<(), Trap> {
         let now = self.cycles;
         let trap = Trap::Access { address, write: true, error: AccessError::Unmapped };
         if let Some(uart) = &mut self.uart

@@ -1,8 +1,8 @@
 //! 32-bit branches and instructions on the core's state (A5.3.4; ARMv6-M has only these, DDI 0419 A5.3).
 
-use super::super::insn::{Arch, Class, Insn, Op};
 use super::wide::long_offset;
 use super::{bits, reg, sign_extend, undefined};
+use crate::insn::{Arch, Class, Insn, Op};
 
 /// ARMv6-M: BL, MRS, MSR and the barriers.
 pub(super) fn decode_v6m(pc: u32, first: u32, second: u32) -> Insn {
