@@ -148,19 +148,19 @@ fn here(core: Core, board: &Board, elf: &[u8], clip: &[u8]) -> (End, Machine) {
     };
     // Where that is shows a first run.
     let mut machine = start();
-    while !matches!(machine.run(CYCLES).unwrap_or_else(|fault| panic!("{fault}")), Stop::Exit(_)) {}
+    while !matches!(machine.run_until(CYCLES).unwrap_or_else(|fault| panic!("{fault}")), Stop::Exit(_)) {}
     let exit = machine.cpu.pc - 2;
     let mut machine = start();
     machine.set_breakpoint(exit);
     loop {
-        assert_eq!(machine.run(CYCLES).unwrap(), Stop::Breakpoint(exit));
+        assert_eq!(machine.run_until(CYCLES).unwrap(), Stop::Breakpoint(exit));
         if EXITS.contains(&machine.cpu.r[0]) {
             break;
         }
     }
     let mut registers = machine.cpu.r;
     registers[15] = machine.cpu.pc;
-    let ram = machine.memory.regions()[1].data.clone();
+    let ram = machine.memory().regions()[1].data.clone();
     (End { registers, flags: machine.cpu.xpsr() & FLAGS, ram }, machine)
 }
 
@@ -177,7 +177,7 @@ fn compare(core: Core, name: &str, board: &Board, binary: &str) {
     let (ours, machine) = here(core, board, &elf, &clip);
     let mut gdb = Gdb::start(name, &path, "clip", folder.path());
     let registers = gdb.run_to_exit(ours.registers[15]);
-    let base = machine.memory.regions()[1].base;
+    let base = machine.memory().regions()[1].base;
     let ram = gdb.memory(base, ours.ram.len());
     let theirs = End {
         registers: registers[..16].try_into().unwrap(),

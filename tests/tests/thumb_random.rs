@@ -208,15 +208,15 @@ impl Generator {
         machine.cpu.r[14] = set[13];
         machine.cpu.flags = thumb_cycles::Flags::from_bits(set[14]);
         machine.cpu.pc = ram + SLOT_AT;
-        if !machine.memory.load(ram + SLOT_AT, slot) {
+        if !machine.memory_mut().program(ram + SLOT_AT, slot) {
             return false;
         }
-        let before = machine.memory.bytes(ram, SCRATCH as usize).map(<[u8]>::to_vec);
+        let before = machine.memory().bytes(ram, SCRATCH as usize).map(<[u8]>::to_vec);
         let limit = machine.usage().cycles + 500;
-        let stopped = machine.run(limit);
-        let intact = machine.memory.bytes(ram, SCRATCH as usize) == before.as_deref();
+        let stopped = machine.run_until(limit);
+        let intact = machine.memory().bytes(ram, SCRATCH as usize) == before.as_deref();
         if !intact {
-            machine.memory.load(ram, &before.unwrap());
+            machine.memory_mut().program(ram, &before.unwrap());
         }
         let sp = machine.cpu.r[13];
         matches!(stopped, Ok(Stop::Breakpoint(_)))
@@ -428,8 +428,8 @@ fn compare(core: Core, machine: &str, board: &Board, instructions: usize, runs: 
     };
     let mut trial = Machine::new(core, &narrow, &image).unwrap();
     let template = image.symbol("template").unwrap();
-    let code = trial.memory.bytes(template, 0x80).unwrap().to_vec();
-    assert!(trial.memory.load(ram, &code));
+    let code = trial.memory().bytes(template, 0x80).unwrap().to_vec();
+    assert!(trial.memory_mut().program(ram, &code));
     trial.set_breakpoint(ram + SLED_END);
     let mut generator = Generator { arch: core.arch(), core, numbers, sets, trial, ram, runs };
 

@@ -246,7 +246,8 @@ fn simulate(
     let limit =
         u64::from(most_ticks(program)?) * u64::from(board::QEMU_CLOCK_HZ) / u64::from(program.map.tick_hz());
     loop {
-        let stop = machine.run(meter.answered_at().unwrap_or(limit)).map_err(|fault| anyhow!("{fault}"))?;
+        let stop =
+            machine.run_until(meter.answered_at().unwrap_or(limit)).map_err(|fault| anyhow!("{fault}"))?;
         let usage = machine.usage();
         let now = Moment { cycle: usage.cycles, awake: usage.cycles - usage.asleep };
         if !machine.console.is_empty() {

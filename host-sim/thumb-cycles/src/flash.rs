@@ -3,7 +3,7 @@
 //! This is the least that real flash interfaces have (the STM32F1's prefetch buffer is two lines of 64 bits); caches
 //! such as the STM32F4's ART do better.
 
-use crate::memory::Waits;
+use crate::memory::WaitStates;
 
 /// The line that is kept.
 #[derive(Clone, Copy, Debug, Default)]
@@ -16,8 +16,8 @@ pub struct FlashBuffer {
 
 impl FlashBuffer {
     /// Cycles that the core waits for the code at `pc`.
-    pub fn fetch(&mut self, waits: Waits, pc: u32, bytes: u32, now: u64) -> u32 {
-        if waits.states == 0 || waits.cached_code {
+    pub fn fetch(&mut self, waits: WaitStates, pc: u32, bytes: u32, now: u64) -> u32 {
+        if waits.cycles == 0 || waits.cached_code {
             return 0;
         }
         let mut stall = 0;
@@ -28,7 +28,7 @@ impl FlashBuffer {
         stall
     }
 
-    fn read_line(&mut self, waits: Waits, number: u32, now: u64) -> u32 {
+    fn read_line(&mut self, waits: WaitStates, number: u32, now: u64) -> u32 {
         let line = u64::from(number) + 1;
         if line == self.line {
             return 0;
@@ -36,20 +36,20 @@ impl FlashBuffer {
         let stall = if waits.prefetch && line == self.line + 1 {
             self.ahead.saturating_sub(now) as u32
         } else {
-            waits.states
+            waits.cycles
         };
         self.line = line;
-        self.ahead = now + u64::from(stall + waits.states) + 1;
+        self.ahead = now + u64::from(stall + waits.cycles) + 1;
         stall
     }
 
     /// Cycles that the core waits for `bytes` of data. Reading data holds the reading ahead up.
-    pub fn read(&mut self, waits: Waits, address: u32, bytes: u32, now: u64) -> u32 {
-        if waits.states == 0 {
+    pub fn read(&mut self, waits: WaitStates, address: u32, bytes: u32, now: u64) -> u32 {
+        if waits.cycles == 0 {
             return 0;
         }
         let lines = address.wrapping_add(bytes.max(1) - 1) / waits.line - address / waits.line + 1;
-        let stall = lines * waits.states;
+        let stall = lines * waits.cycles;
         self.ahead = self.ahead.max(now) + u64::from(stall) + 1;
         stall
     }
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn a_line_is_waited_for_once() {
-        let waits = Waits { states: 2, line: 8, prefetch: false, cached_code: false };
+        let waits = WaitStates { cycles: 2, line: 8, prefetch: false, cached_code: false };
         let mut buffer = FlashBuffer::default();
         assert_eq!(buffer.fetch(waits, 0x100, 2, 0), 2);
         assert_eq!(buffer.fetch(waits, 0x104, 4, 3), 0);
@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn reading_ahead_hides_the_wait_of_straight_code() {
-        let waits = Waits { states: 2, line: 8, prefetch: true, cached_code: false };
+        let waits = WaitStates { cycles: 2, line: 8, prefetch: true, cached_code: false };
         let mut buffer = FlashBuffer::default();
         assert_eq!(buffer.fetch(waits, 0x100, 2, 0), 2);
         // Four 16-bit instructions take four cycles; the next line took three.

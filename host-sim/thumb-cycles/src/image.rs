@@ -101,9 +101,9 @@ impl Image {
     ///
     /// # Errors
     /// A sentence where there is no memory for a part of it.
-    pub fn load(&self, memory: &mut Memory) -> Result<(), String> {
+    pub fn load_into(&self, memory: &mut Memory) -> Result<(), String> {
         for (address, data) in &self.segments {
-            if !memory.load(*address, data) {
+            if !memory.program(*address, data) {
                 return Err(format!(
                     "the image has {} bytes at {address:#010x}, where this board has no memory for them",
                     data.len()

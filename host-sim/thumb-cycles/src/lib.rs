@@ -36,7 +36,7 @@ pub use cpu::{Cpu, Flags};
 pub use fault::{Cause, Fault};
 pub use image::{Function, Image};
 pub use machine::{Machine, Outcome, Stop, Usage};
-pub use memory::{AccessError, Memory, Region, Waits};
+pub use memory::{AccessError, Memory, Region, WaitStates};
 pub use profile::{CallPath, SelfCycles};
 pub use semihosting::Files;
 

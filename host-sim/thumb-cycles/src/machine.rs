@@ -101,8 +101,8 @@ pub struct Usage {
 pub struct Machine {
     /// The core's registers.
     pub cpu: Cpu,
-    /// Memory.
-    pub memory: Memory,
+    // Memory.
+    pub(crate) memory: Memory,
     /// What the image has written to semihosting's console, until somebody takes it.
     pub console: Vec<u8>,
     /// The files that the image sees by semihosting.
@@ -156,7 +156,7 @@ impl Machine {
     /// A sentence where the image does not fit the board.
     pub fn new(core: Core, board: &Board, image: &Image) -> Result<Self, String> {
         let mut memory = Memory::new(board.regions.clone())?;
-        image.load(&mut memory)?;
+        image.load_into(&mut memory)?;
         let vtor = image.symbol("__vector_table").unwrap_or(board.vectors);
         let vector = |index: u32| {
             memory.read::<4>(vtor + index * 4).map(u32::from_le_bytes).ok_or_else(|| {
@@ -226,6 +226,16 @@ impl Machine {
         &self.image
     }
 
+    /// Its memory.
+    pub fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
+    /// Its memory, to change it as a programmer does.
+    pub fn memory_mut(&mut self) -> &mut Memory {
+        &mut self.memory
+    }
+
     /// Its core.
     pub fn core(&self) -> Core {
         self.core
@@ -260,10 +270,10 @@ impl Machine {
     ///
     /// # Errors
     /// A fault, with where and why.
-    pub fn run(&mut self, limit: u64) -> Result<Stop, Box<Fault>> {
+    pub fn run_until(&mut self, limit: u64) -> Result<Stop, Box<Fault>> {
         self.limit = limit;
         self.look();
-        let waits = self.memory.regions().iter().any(|region| region.waits.states > 0);
+        let waits = self.memory.regions().iter().any(|region| region.wait_states.cycles > 0);
         let mut model = std::mem::replace(&mut self.model, Model::Untimed(Untimed));
         let result = match &mut model {
             Model::M0(timing) => self.run_with(timing, waits),
@@ -289,7 +299,7 @@ impl Machine {
         limit: u64,
     ) -> Result<Option<u32>, Box<Fault>> {
         loop {
-            let stop = self.run(limit);
+            let stop = self.run_until(limit);
             if !self.console.is_empty() {
                 console(&std::mem::take(&mut self.console));
             }
@@ -316,14 +326,14 @@ impl Machine {
     ///
     /// # Errors
     /// A fault.
-    pub fn call(&mut self, address: u32, arguments: &[u32], limit: u64) -> Result<Stop, Box<Fault>> {
+    pub fn call_function(&mut self, address: u32, arguments: &[u32], limit: u64) -> Result<Stop, Box<Fault>> {
         for (register, &argument) in self.cpu.r.iter_mut().zip(arguments.iter().take(4)) {
             *register = argument;
         }
         self.cpu.r[14] = RETURN | 1;
         self.cpu.pc = address & !1;
         self.enter_call(address & !1, RETURN);
-        self.run(limit)
+        self.run_until(limit)
     }
 
     /// Makes the loop look at what may have changed before the next instruction.

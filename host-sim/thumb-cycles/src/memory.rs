@@ -4,9 +4,9 @@ use crate::insn::Insn;
 
 /// How long reads of a region take. Zero wait states unless said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Waits {
+pub struct WaitStates {
     /// Cycles that a read takes beyond one.
-    pub states: u32,
+    pub cycles: u32,
     /// Bytes that one read brings (4 to 32, a power of two); code in the same line costs no more reads.
     pub line: u32,
     /// Whether the next line is read ahead while this one executes.
@@ -15,9 +15,9 @@ pub struct Waits {
     pub cached_code: bool,
 }
 
-impl Waits {
+impl WaitStates {
     /// No wait states.
-    pub const NONE: Self = Self { states: 0, line: 4, prefetch: false, cached_code: false };
+    pub const NONE: Self = Self { cycles: 0, line: 4, prefetch: false, cached_code: false };
 }
 
 /// A block of memory.
@@ -32,7 +32,7 @@ pub struct Region {
     /// RAM.
     pub writable: bool,
     /// Wait states.
-    pub waits: Waits,
+    pub wait_states: WaitStates,
     /// Decoded instructions, one for each halfword up to the last that was executed.
     pub(crate) code: Vec<Insn>,
     /// Cycles spent on each of them.
@@ -47,7 +47,7 @@ impl Region {
             base,
             data: vec![0; size],
             writable,
-            waits: Waits::NONE,
+            wait_states: WaitStates::NONE,
             code: Vec::new(),
             cycles: Vec::new(),
         }
@@ -195,7 +195,7 @@ impl Memory {
     }
 
     /// Puts bytes anywhere, flash too, as a programmer does; `false` where there is no memory.
-    pub fn load(&mut self, address: u32, bytes: &[u8]) -> bool {
+    pub fn program(&mut self, address: u32, bytes: &[u8]) -> bool {
         let Some((number, offset)) = self.locate(address) else {
             return bytes.is_empty();
         };

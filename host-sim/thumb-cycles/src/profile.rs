@@ -39,7 +39,7 @@ impl Machine {
     /// Self cycles of each function that ran, most first. What exceptions take to begin and end is no function's.
     ///
     /// Costs a look at every halfword of code that was executed.
-    pub fn functions(&self) -> Vec<SelfCycles> {
+    pub fn self_cycles(&self) -> Vec<SelfCycles> {
         let functions = self.image.functions();
         let mut cycles = vec![0u64; functions.len() + 1];
         for region in self.memory.regions() {

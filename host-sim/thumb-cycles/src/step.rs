@@ -94,7 +94,7 @@ impl Machine {
         outcome: &Outcome,
         own: u32,
     ) -> u32 {
-        let code = self.memory.regions()[region].waits;
+        let code = self.memory.regions()[region].wait_states;
         let now = self.cycles;
         let mut cycles = self.flash.fetch(code, pc, u32::from(insn.len), now);
         let load =
@@ -103,7 +103,7 @@ impl Machine {
             && load
             && let Some((data, _)) = self.memory.locate(outcome.address)
         {
-            let waits = self.memory.regions()[data].waits;
+            let waits = self.memory.regions()[data].wait_states;
             let bytes = insn.transfers() * 4;
             cycles += self.flash.read(waits, outcome.address, bytes, now + u64::from(own));
         }

@@ -18,7 +18,7 @@ fn machine(core: Core, vectors: &[(usize, u32)], main: &[u16], handler: &[u16]) 
 fn cycles_between(machine: &mut Machine, from: u32, to: u32) -> u64 {
     let mut at = |address| {
         machine.set_breakpoint(address);
-        assert_eq!(machine.run(10_000).unwrap(), Stop::Breakpoint(address));
+        assert_eq!(machine.run_until(10_000).unwrap(), Stop::Breakpoint(address));
         machine.clear_breakpoint(address);
         machine.usage().cycles
     };
@@ -69,10 +69,10 @@ fn primask_holds_exceptions_back() {
     let mut machine = machine(Core::M4, &[], &[0xb672, 0x6001, 0xbf00, 0xb662, 0xbf00, 0xe7fe], &[0x4770]);
     (machine.cpu.r[0], machine.cpu.r[1]) = (ICSR, PEND_SV);
     machine.set_breakpoint(0x86);
-    assert_eq!(machine.run(1000).unwrap(), Stop::Breakpoint(0x86));
+    assert_eq!(machine.run_until(1000).unwrap(), Stop::Breakpoint(0x86));
     assert_eq!(machine.usage().exceptions, 0);
     machine.set_breakpoint(0x88);
-    assert_eq!(machine.run(1000).unwrap(), Stop::Breakpoint(0x88));
+    assert_eq!(machine.run_until(1000).unwrap(), Stop::Breakpoint(0x88));
     assert_eq!(machine.usage().exceptions, 1);
 }
 
@@ -81,7 +81,7 @@ fn sleep_lasts_until_the_timer_and_is_counted() {
     // A SysTick of 1000 cycles with its interrupt: str r1, [r0, #4]; str r2, [r0, #8]; str r3, [r0]; wfi; b .-2
     let mut machine = machine(Core::M4, &[], &[0x6041, 0x6082, 0x6003, 0xbf30, 0xe7fd], &[0x4770]);
     machine.cpu.r[..4].copy_from_slice(&[0xe000_e010, 999, 0, 7]);
-    assert_eq!(machine.run(100_000).unwrap(), Stop::Limit);
+    assert_eq!(machine.run_until(100_000).unwrap(), Stop::Limit);
     let usage = machine.usage();
     assert_eq!(usage.cycles, 100_000);
     assert_eq!(usage.exceptions, 99);
@@ -92,7 +92,7 @@ fn sleep_lasts_until_the_timer_and_is_counted() {
 
 #[test]
 fn a_core_that_nothing_can_wake_is_a_fault() {
-    let fault = machine(Core::M4, &[], &[0xbf30], &[]).run(u64::MAX).unwrap_err();
+    let fault = machine(Core::M4, &[], &[0xbf30], &[]).run_until(u64::MAX).unwrap_err();
     assert_eq!(fault.cause, Cause::SleepsForever);
 }
 
@@ -101,11 +101,11 @@ fn svc_calls_its_handler() {
     // svc #7; nop; b .
     let mut machine = machine(Core::M0, &[], &[0xdf07, 0xbf00, 0xe7fe], &[0x4770]);
     machine.set_breakpoint(0x100);
-    assert_eq!(machine.run(1000).unwrap(), Stop::Breakpoint(0x100));
+    assert_eq!(machine.run_until(1000).unwrap(), Stop::Breakpoint(0x100));
     assert_eq!(machine.cpu.ipsr, 11);
     assert_eq!(machine.cpu.r[14], 0xffff_fff9);
     machine.set_breakpoint(0x82);
-    assert_eq!(machine.run(1000).unwrap(), Stop::Breakpoint(0x82));
+    assert_eq!(machine.run_until(1000).unwrap(), Stop::Breakpoint(0x82));
 }
 
 #[test]
@@ -118,7 +118,7 @@ fn breakpoints_cost_nothing_and_work_in_it_blocks() {
             machine.set_breakpoint(address);
         }
         let mut stops = Vec::new();
-        while let Stop::Breakpoint(address) = machine.run(20).unwrap() {
+        while let Stop::Breakpoint(address) = machine.run_until(20).unwrap() {
             stops.push(address);
         }
         assert_eq!(machine.cpu.r[1], 2);
@@ -133,8 +133,8 @@ fn breakpoints_cost_nothing_and_work_in_it_blocks() {
 fn code_that_is_overwritten_is_decoded_again() {
     // In RAM: movs r0, #1; strh r1, [r2]; b 0x20000000; where r1 is the code of `bx lr`, over the first.
     let mut machine = machine(Core::M4, &[], &[0xe7fe], &[]);
-    assert!(machine.memory.load(0x2000_0000, &[0x01, 0x20, 0x11, 0x80, 0xfc, 0xe7]));
-    assert_eq!(machine.call(0x2000_0000, &[0, 0x4770, 0x2000_0000], 100).unwrap(), Stop::Returned);
+    assert!(machine.memory_mut().program(0x2000_0000, &[0x01, 0x20, 0x11, 0x80, 0xfc, 0xe7]));
+    assert_eq!(machine.call_function(0x2000_0000, &[0, 0x4770, 0x2000_0000], 100).unwrap(), Stop::Returned);
     assert_eq!(machine.cpu.r[0], 1);
 }
 
@@ -142,9 +142,9 @@ fn code_that_is_overwritten_is_decoded_again() {
 fn the_host_calls_functions_and_is_told_of_marks() {
     // str r0, [r1]; adds r0, r0, r0; bx lr
     let mut machine = machine(Core::M0Plus, &[], &[0xe7fe], &[0x6008, 0x1800, 0x4770]);
-    let stop = machine.call(0x101, &[21, 0xe000_0008], 100).unwrap();
+    let stop = machine.call_function(0x101, &[21, 0xe000_0008], 100).unwrap();
     assert_eq!(stop, Stop::Mark { port: 2, value: 21 });
-    assert_eq!(machine.run(100).unwrap(), Stop::Returned);
+    assert_eq!(machine.run_until(100).unwrap(), Stop::Returned);
     assert_eq!(machine.cpu.r[0], 42);
     assert_eq!(machine.usage().cycles, 2 + 1 + 2);
 }
@@ -155,7 +155,7 @@ fn cyccnt_counts_while_it_is_enabled() {
     let code = [0x6842, 0x6001, 0x6843, 0xbf00, 0xbf00, 0x6844, 0xe7fe];
     let mut machine = machine(Core::M4, &[], &code, &[]);
     (machine.cpu.r[0], machine.cpu.r[1]) = (0xe000_1000, 1);
-    assert_eq!(machine.run(50).unwrap(), Stop::Limit);
+    assert_eq!(machine.run_until(50).unwrap(), Stop::Limit);
     // LDR 3 after a store, one NOP folded, one counted.
     assert_eq!(machine.cpu.r[4] - machine.cpu.r[3], 4);
     assert_eq!(machine.cpu.r[2], 0);
@@ -166,23 +166,23 @@ fn call_paths_and_functions_add_up() {
     // main: bl 0x100; bl 0x100; b .    0x100: nop; bx lr
     let mut machine = machine(Core::M4, &[], &[0xf000, 0xf83e, 0xf000, 0xf83c, 0xe7fe], &[0xbf00, 0x4770]);
     machine.set_breakpoint(0x88);
-    assert_eq!(machine.run(1000).unwrap(), Stop::Breakpoint(0x88));
+    assert_eq!(machine.run_until(1000).unwrap(), Stop::Breakpoint(0x88));
     let cycles = machine.usage().cycles;
     let paths = machine.call_paths();
     assert_eq!(paths.len(), 2);
     assert_eq!((paths[0].inclusive, paths[1].calls, paths[1].cycles), (cycles, 2, 8));
-    assert_eq!(machine.functions().iter().map(|function| function.cycles).sum::<u64>(), cycles);
+    assert_eq!(machine.self_cycles().iter().map(|function| function.cycles).sum::<u64>(), cycles);
     machine.reset_profile();
-    assert!(machine.functions().is_empty());
+    assert!(machine.self_cycles().is_empty());
 }
 
 #[test]
 fn wait_states_slow_code_and_data_down() {
     // ldr r1, [r0]; four times; b .
-    let run = |states| {
+    let run = |cycles| {
         let mut machine = machine(Core::M4, &[], &[0x6801, 0x6801, 0x6801, 0x6801, 0xe7fe], &[]);
-        let region = machine.memory.region_mut(0).unwrap();
-        region.waits = Waits { states, line: 4, ..Waits::NONE };
+        let region = machine.memory_mut().region_mut(0).unwrap();
+        region.wait_states = WaitStates { cycles, line: 4, ..WaitStates::NONE };
         cycles_between(&mut machine, 0x80, 0x88)
     };
     assert_eq!(run(0), 5);
@@ -193,7 +193,7 @@ fn wait_states_slow_code_and_data_down() {
 fn cause(core: Core, main: &[u16], r0: u32) -> (Cause, String) {
     let mut machine = machine(core, &[], main, &[]);
     machine.cpu.r[0] = r0;
-    let fault = machine.run(1000).unwrap_err();
+    let fault = machine.run_until(1000).unwrap_err();
     (fault.cause, fault.to_string())
 }
 
@@ -228,9 +228,9 @@ fn faults_say_what_where_and_the_registers() {
 fn semihosting_writes_and_ends() {
     // bkpt 0xab; ldr r1, [pc, #4]; movs r0, #0x18; bkpt 0xab; .word 0x20026
     let mut machine = machine(Core::M0, &[], &[0xbeab, 0x4901, 0x2018, 0xbeab, 0x0026, 0x0002], &[]);
-    assert!(machine.memory.load(0x2000_0000, b"hello\0"));
+    assert!(machine.memory_mut().program(0x2000_0000, b"hello\0"));
     (machine.cpu.r[0], machine.cpu.r[1]) = (4, 0x2000_0000);
-    assert_eq!(machine.run(1000).unwrap(), Stop::Exit(0));
+    assert_eq!(machine.run_until(1000).unwrap(), Stop::Exit(0));
     assert_eq!(machine.console, b"hello");
 }
 
