@@ -207,9 +207,8 @@ pub fn on_sim(
 ) -> Result<(Recording, Usage)> {
     let elf = board::QEMU_MPS2.build(bytes, map, centihertz)?;
     let mut lines = Log::new(&elf)?;
-    let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
-    let mut machine =
-        Machine::new(Core::M4, &thumb_cycles::Board::mps2(), &image).map_err(|error| anyhow!(error))?;
+    let image = Image::parse(&elf)?;
+    let mut machine = Machine::new(Core::M4, &thumb_cycles::Board::mps2(), &image)?;
     let mut recorder = Recorder::new(map)?;
     let mut garbled = Ok(());
     let ended = machine.run_to_exit(

@@ -18,8 +18,8 @@ fn image(target: &str, binary: &str) -> Option<Image> {
 /// Runs the image on a clip, which it decodes to the right frames. Gives what it took.
 fn run(image: &Image, core: Core, board: &Board, clip: &Vector) -> (Usage, Duration) {
     let mut machine = Machine::new(core, board, image).unwrap();
-    machine.files.insert("clip".to_owned(), clip.bytes.clone());
-    machine.command_line = "clip".to_owned();
+    machine.semihosting.files.insert("clip".to_owned(), clip.bytes.clone());
+    machine.semihosting.command_line = "clip".to_owned();
     let mut said = Vec::new();
     let started = Instant::now();
     let code = machine

@@ -142,8 +142,8 @@ fn here(core: Core, board: &Board, elf: &[u8], clip: &[u8]) -> (End, Machine) {
     let image = Image::parse(elf).unwrap();
     let start = || {
         let mut machine = Machine::new(core, board, &image).unwrap();
-        machine.files.insert("clip".to_owned(), clip.to_vec());
-        machine.command_line = "clip".to_owned();
+        machine.semihosting.files.insert("clip".to_owned(), clip.to_vec());
+        machine.semihosting.command_line = "clip".to_owned();
         machine
     };
     // Where that is shows a first run.

@@ -202,7 +202,7 @@ impl Generator {
     fn try_once(&mut self, slot: &[u8], set: &[u32; 16]) -> bool {
         let machine = &mut self.trial;
         let ram = self.ram;
-        machine.cpu = Cpu::default();
+        machine.cpu = Cpu::new(self.arch);
         machine.cpu.r[..13].copy_from_slice(&set[..13]);
         machine.cpu.r[13] = ram + STACK;
         machine.cpu.r[14] = set[13];

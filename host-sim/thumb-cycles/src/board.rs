@@ -1,85 +1,6 @@
-//! Machines to simulate: a core and its memory map.
+//! Boards: memory maps and the peripherals that come with them.
 
-use crate::insn::Arch;
 use crate::memory::Region;
-
-/// A core whose timing is modelled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Core {
-    /// Cortex-M0 with the single-cycle multiplier.
-    M0,
-    /// Cortex-M0+ with the single-cycle multiplier.
-    M0Plus,
-    /// Cortex-M0+ with the small multiplier: 32 cycles.
-    M0PlusSlow,
-    /// Cortex-M3.
-    M3,
-    /// Cortex-M4.
-    M4,
-    /// Cortex-M33.
-    M33,
-    /// Cortex-M7: an estimate.
-    M7,
-    /// An M4 whose instructions take a cycle each: what the simulator does without a timing model.
-    Untimed,
-}
-
-impl Core {
-    /// All that model a real core.
-    pub const ALL: [Self; 7] =
-        [Self::M0, Self::M0Plus, Self::M0PlusSlow, Self::M3, Self::M4, Self::M33, Self::M7];
-
-    /// As in commands: `cortex-m0plus`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::M0 => "cortex-m0",
-            Self::M0Plus => "cortex-m0plus",
-            Self::M0PlusSlow => "cortex-m0plus-slow-multiplier",
-            Self::M3 => "cortex-m3",
-            Self::M4 => "cortex-m4",
-            Self::M33 => "cortex-m33",
-            Self::M7 => "cortex-m7",
-            Self::Untimed => "untimed",
-        }
-    }
-
-    /// The core with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|core| core.name() == name)
-    }
-
-    /// Its instructions.
-    pub fn arch(self) -> Arch {
-        match self {
-            Self::M0 | Self::M0Plus | Self::M0PlusSlow => Arch::V6M,
-            Self::M3 => Arch::V7M,
-            Self::M4 | Self::M7 | Self::Untimed => Arch::V7EM,
-            Self::M33 => Arch::V8M,
-        }
-    }
-
-    /// Rust's target for it, without FPU.
-    pub fn target(self) -> &'static str {
-        match self.arch() {
-            Arch::V6M => "thumbv6m-none-eabi",
-            Arch::V7M => "thumbv7m-none-eabi",
-            Arch::V7EM => "thumbv7em-none-eabi",
-            Arch::V8M => "thumbv8m.main-none-eabi",
-        }
-    }
-
-    /// How far its cycle counts may be off, as a fraction, with memory that answers at once; docs/CYCLES.md says how
-    /// that is known. `None` where nothing but one cycle an instruction is counted.
-    pub fn tolerance(self) -> Option<f64> {
-        match self {
-            Self::M0 | Self::M0Plus | Self::M0PlusSlow => Some(0.015),
-            Self::M3 | Self::M4 => Some(0.03),
-            Self::M33 => Some(0.05),
-            Self::M7 => Some(0.15),
-            Self::Untimed => None,
-        }
-    }
-}
 
 /// A memory map and its peripherals. What all have: SysTick, NVIC, DWT, ITM.
 #[derive(Clone, Debug)]
@@ -90,10 +11,21 @@ pub struct Board {
     pub regions: Vec<Region>,
     /// Where the vectors are, unless the image's symbol `__vector_table` says otherwise.
     pub vectors: u32,
-    /// First register of a CMSDK UART and the numbers of its receive and transmit interrupts.
-    pub uart: Option<(u32, u16, u16)>,
+    /// A CMSDK UART, if the board has one.
+    pub uart: Option<UartWiring>,
     /// Bits of a priority that are there, from the top.
     pub priority_bits: u8,
+}
+
+/// Where a CMSDK UART is on a board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UartWiring {
+    /// First register.
+    pub base: u32,
+    /// Number of the receive interrupt.
+    pub receive_interrupt: u16,
+    /// Number of the transmit interrupt.
+    pub transmit_interrupt: u16,
 }
 
 const MB: usize = 1 << 20;
@@ -109,7 +41,7 @@ impl Board {
                 Region::new("RAM", 0x2000_0000, 4 * MB, true),
             ],
             vectors: 0,
-            uart: Some((0x4000_4000, 0, 1)),
+            uart: Some(UartWiring { base: 0x4000_4000, receive_interrupt: 0, transmit_interrupt: 1 }),
             priority_bits: 8,
         }
     }
@@ -123,7 +55,7 @@ impl Board {
                 Region::new("RAM", 0x3800_0000, 4 * MB, true),
             ],
             vectors: 0x1000_0000,
-            uart: Some((0x5020_0000, 32, 33)),
+            uart: Some(UartWiring { base: 0x5020_0000, receive_interrupt: 32, transmit_interrupt: 33 }),
             priority_bits: 8,
         }
     }

@@ -1,5 +1,8 @@
 //! The programmer's registers.
 
+use crate::insn::Arch;
+use crate::nvic::Masks;
+
 /// The condition flags.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Flags {
@@ -52,8 +55,10 @@ impl Flags {
 }
 
 /// The core's registers.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cpu {
+    /// Which instructions it has.
+    pub arch: Arch,
     /// r0 to r12, the stack pointer in use, lr, and what an instruction reads as pc.
     pub r: [u32; 16],
     /// Address of the next instruction.
@@ -76,9 +81,53 @@ pub struct Cpu {
     pub limits: [u32; 2],
     /// Exclusive monitor: the address that was marked.
     pub exclusive: Option<u32>,
+    /// Event register: the next WFE does not sleep.
+    pub event: bool,
 }
 
 impl Cpu {
+    /// All registers 0.
+    pub fn new(arch: Arch) -> Self {
+        Self {
+            arch,
+            r: [0; 16],
+            pc: 0,
+            flags: Flags::default(),
+            ipsr: 0,
+            other_sp: 0,
+            control: 0,
+            primask: false,
+            faultmask: false,
+            basepri: 0,
+            limits: [0; 2],
+            exclusive: None,
+            event: false,
+        }
+    }
+
+    /// Register `number`, of which the low four bits count.
+    #[inline]
+    pub(crate) fn reg(&self, number: u8) -> u32 {
+        self.r[usize::from(number & 15)]
+    }
+
+    #[inline]
+    pub(crate) fn set_reg(&mut self, number: u8, value: u32) {
+        self.r[usize::from(number & 15)] = value;
+    }
+
+    /// Sets N and Z as a result does.
+    #[inline]
+    pub(crate) fn set_nz(&mut self, value: u32) {
+        self.flags.n = value >> 31 != 0;
+        self.flags.z = value == 0;
+    }
+
+    /// What the interrupt controller sees of it.
+    pub(crate) fn masks(&self) -> Masks {
+        Masks { ipsr: self.ipsr, primask: self.primask, faultmask: self.faultmask, basepri: self.basepri }
+    }
+
     /// Whether the process stack is in use.
     pub fn on_process_stack(&self) -> bool {
         self.ipsr == 0 && self.control & 2 != 0

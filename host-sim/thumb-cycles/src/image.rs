@@ -1,5 +1,6 @@
 //! An ELF file as it was built: what to load where, and the names of its functions.
 
+use crate::error::Error;
 use crate::memory::Memory;
 use addr2line::gimli;
 use object::elf::PT_LOAD;
@@ -35,26 +36,24 @@ impl Image {
     /// Parses an ELF file for a 32-bit little-endian Arm.
     ///
     /// # Errors
-    /// A sentence where it is no such file.
-    pub fn parse(elf: &[u8]) -> Result<Self, String> {
-        let wrong = |error: object::Error| format!("not an image for a Cortex-M: {error}");
-        let header = object::elf::FileHeader32::<Endianness>::parse(elf).map_err(wrong)?;
-        let endian = header.endian().map_err(wrong)?;
+    /// [`Error::NotElf`], [`Error::OtherProcessor`] or [`Error::SegmentCutOff`] where it is no such file.
+    pub fn parse(elf: &[u8]) -> Result<Self, Error> {
+        let header = object::elf::FileHeader32::<Endianness>::parse(elf)?;
+        let endian = header.endian()?;
         let machine = header.e_machine(endian);
         if machine != object::elf::EM_ARM || endian != Endianness::Little {
-            return Err(format!("not an image for a Cortex-M: its ELF machine number is {machine}, not 40"));
+            return Err(Error::OtherProcessor { machine });
         }
         let mut segments = Vec::new();
-        for segment in header.program_headers(endian, elf).map_err(wrong)? {
+        for segment in header.program_headers(endian, elf)? {
             if segment.p_type(endian) != PT_LOAD || segment.p_filesz(endian) == 0 {
                 continue;
             }
-            let data = segment
-                .data(endian, elf)
-                .map_err(|()| "not an image for a Cortex-M: a segment ends after the file".to_owned())?;
-            segments.push((segment.p_paddr(endian), data.to_vec()));
+            let address = segment.p_paddr(endian);
+            let data = segment.data(endian, elf).map_err(|()| Error::SegmentCutOff { address })?;
+            segments.push((address, data.to_vec()));
         }
-        let file = object::File::parse(elf).map_err(wrong)?;
+        let file = object::File::parse(elf)?;
         let mut functions = Vec::new();
         let mut symbols = HashMap::new();
         for symbol in file.symbols() {
@@ -85,9 +84,8 @@ impl Image {
         Ok(Self { segments, functions, symbols, elf: elf.to_vec() })
     }
 
-    /// Halfwords at `address`, without symbols.
-    #[cfg(test)]
-    pub(crate) fn of(parts: &[(u32, &[u16])]) -> Self {
+    /// An image of halfwords, each part at its address, without symbols: for code that was assembled by hand.
+    pub fn from_halfwords(parts: &[(u32, &[u16])]) -> Self {
         let bytes = |halves: &[u16]| halves.iter().flat_map(|half| half.to_le_bytes()).collect();
         Self {
             segments: parts.iter().map(|&(address, halves)| (address, bytes(halves))).collect(),
@@ -100,14 +98,11 @@ impl Image {
     /// Copies the image into memory.
     ///
     /// # Errors
-    /// A sentence where there is no memory for a part of it.
-    pub fn load_into(&self, memory: &mut Memory) -> Result<(), String> {
-        for (address, data) in &self.segments {
-            if !memory.program(*address, data) {
-                return Err(format!(
-                    "the image has {} bytes at {address:#010x}, where this board has no memory for them",
-                    data.len()
-                ));
+    /// [`Error::DoesNotFit`] where there is no memory for a part of it.
+    pub fn load_into(&self, memory: &mut Memory) -> Result<(), Error> {
+        for &(address, ref data) in &self.segments {
+            if !memory.program(address, data) {
+                return Err(Error::DoesNotFit { address, bytes: data.len() });
             }
         }
         Ok(())
@@ -160,7 +155,7 @@ mod tests {
     #[test]
     fn other_files_are_refused() {
         let error = Image::parse(b"\x7fELF").unwrap_err();
-        assert!(error.starts_with("not an image for a Cortex-M"), "{error}");
+        assert!(error.to_string().starts_with("not an image for a Cortex-M"), "{error}");
         // The test itself is an ELF file, but not for a Cortex-M.
         let own = std::fs::read(std::env::current_exe().unwrap()).unwrap();
         assert!(Image::parse(&own).is_err());

@@ -8,37 +8,54 @@
 //! handles itself (a fault ends the simulation and says where), DMA, and peripherals other than the core's own and a
 //! UART.
 
+#![forbid(unsafe_code)]
+
 mod arith;
 mod board;
-mod calls;
+mod bus;
+mod call_tree;
+mod clock;
+mod cores;
 mod cpu;
+mod cycle_counter;
 pub mod decode;
+mod error;
 mod exception;
 mod execute;
+mod execute_dsp;
 mod fault;
-mod flash;
 mod image;
 pub mod insn;
 mod machine;
 mod memory;
 mod nvic;
-mod peripherals;
+mod outcome;
+mod peripheral;
 mod profile;
+mod run;
 mod semihosting;
-mod step;
+mod stop;
+mod system;
+mod system_registers;
 mod systick;
 pub mod timing;
 mod transfer;
+mod trap;
 mod uart;
+mod wait_states;
 
-pub use board::{Board, Core};
+pub use board::{Board, UartWiring};
+pub use cores::Core;
 pub use cpu::{Cpu, Flags};
-pub use fault::{Cause, Fault};
+pub use error::Error;
+pub use fault::{AccessError, Cause, Fault};
 pub use image::{Function, Image};
-pub use machine::{Machine, Outcome, Stop, Usage};
-pub use memory::{AccessError, Memory, Region, WaitStates};
+pub use machine::Machine;
+pub use memory::{Memory, Region};
+pub use outcome::Outcome;
+pub use peripheral::{Peripheral, Signals};
 pub use profile::{CallPath, SelfCycles};
-pub use semihosting::Files;
-
-#[cfg(test)]
-mod tests;
+pub use semihosting::{Files, Semihosting};
+pub use stop::{Stop, Usage};
+pub use uart::CmsdkUart;
+pub use wait_states::WaitStates;

@@ -1,24 +1,9 @@
 //! Memory regions, each with the decoded instructions and the cycle counts of what was executed in it.
 
+use crate::error::Error;
+use crate::fault::AccessError;
 use crate::insn::Insn;
-
-/// How long reads of a region take. Zero wait states unless said.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct WaitStates {
-    /// Cycles that a read takes beyond one.
-    pub cycles: u32,
-    /// Bytes that one read brings (4 to 32, a power of two); code in the same line costs no more reads.
-    pub line: u32,
-    /// Whether the next line is read ahead while this one executes.
-    pub prefetch: bool,
-    /// Whether code comes from a cache that always hits; data does not.
-    pub cached_code: bool,
-}
-
-impl WaitStates {
-    /// No wait states.
-    pub const NONE: Self = Self { cycles: 0, line: 4, prefetch: false, cached_code: false };
-}
+use crate::wait_states::WaitStates;
 
 /// A block of memory.
 #[derive(Clone, Debug)]
@@ -57,17 +42,6 @@ impl Region {
 /// What is at no address.
 pub(crate) const NO_REGION: u8 = u8::MAX;
 
-/// Why an access failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AccessError {
-    /// Nothing is there.
-    Unmapped,
-    /// It is flash.
-    ReadOnly,
-    /// The address is no multiple of the size, and this instruction or core needs one.
-    Unaligned,
-}
-
 /// All regions. Peripherals are elsewhere: what is not found here may be theirs.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
@@ -78,19 +52,16 @@ pub struct Memory {
 
 impl Memory {
     /// # Errors
-    /// A sentence where two regions lie in the same 16 MB, which is more than the map tells apart.
-    pub fn new(regions: Vec<Region>) -> Result<Self, String> {
+    /// [`Error::RegionsOverlap`] where two regions lie in the same 16 MB, which is more than the map tells apart.
+    pub fn new(regions: Vec<Region>) -> Result<Self, Error> {
         let mut map = vec![NO_REGION; 256];
         for (number, region) in regions.iter().enumerate() {
             let last = region.base.saturating_add((region.data.len() as u32).saturating_sub(1));
             for block in region.base >> 24..=last >> 24 {
                 let entry = &mut map[block as usize];
                 if *entry != NO_REGION {
-                    let other = regions[usize::from(*entry)].name;
-                    return Err(format!(
-                        "{} and {other} are both in the 16 MB at {block:#04x}000000",
-                        region.name
-                    ));
+                    let second = regions[usize::from(*entry)].name;
+                    return Err(Error::RegionsOverlap { first: region.name, second, address: block << 24 });
                 }
                 *entry = number as u8;
             }
@@ -257,6 +228,6 @@ mod tests {
     fn regions_that_cannot_be_told_apart_are_refused() {
         let regions =
             vec![Region::new("flash", 0, 0x1000, false), Region::new("RAM", 0x10_0000, 0x100, true)];
-        assert!(Memory::new(regions).unwrap_err().contains("RAM and flash"));
+        assert!(Memory::new(regions).unwrap_err().to_string().contains("RAM and flash"));
     }
 }

@@ -3,20 +3,27 @@
 /// Exceptions that are there: 16 of the core and 240 interrupts.
 const EXCEPTIONS: usize = 256;
 
-/// Numbers of the core's exceptions.
-pub const HARD_FAULT: u16 = 3;
+/// The exception number of an interrupt.
+pub(crate) fn interrupt_exception(interrupt: u16) -> u16 {
+    16 + interrupt
+}
+
+/// Numbers of the core's exceptions: NMI.
+pub(crate) const NMI: u16 = 2;
+/// HardFault.
+pub(crate) const HARD_FAULT: u16 = 3;
 /// SVC.
-pub const SV_CALL: u16 = 11;
+pub(crate) const SV_CALL: u16 = 11;
 /// PendSV.
-pub const PEND_SV: u16 = 14;
+pub(crate) const PEND_SV: u16 = 14;
 /// SysTick.
-pub const SYS_TICK: u16 = 15;
+pub(crate) const SYS_TICK: u16 = 15;
 
 /// A set of exception numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Set([u32; EXCEPTIONS / 32]);
+pub(crate) struct ExceptionSet([u32; EXCEPTIONS / 32]);
 
-impl Set {
+impl ExceptionSet {
     /// Whether a number is in it.
     pub fn has(&self, number: u16) -> bool {
         self.0.get(usize::from(number / 32)).is_some_and(|word| word & 1 << (number % 32) != 0)
@@ -53,15 +60,28 @@ impl Set {
     }
 }
 
+/// What the core is doing, and what it holds back.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Masks {
+    /// IPSR: the exception that is being handled, 0 in thread mode.
+    pub ipsr: u16,
+    /// PRIMASK: only faults interrupt.
+    pub primask: bool,
+    /// FAULTMASK: only NMI interrupts.
+    pub faultmask: bool,
+    /// BASEPRI: 0, or the lowest priority that does not interrupt.
+    pub basepri: u8,
+}
+
 /// The controller's state.
 #[derive(Clone, Debug)]
-pub struct Nvic {
+pub(crate) struct Nvic {
     /// Waiting to be handled.
-    pub pending: Set,
+    pub pending: ExceptionSet,
     /// Being handled, one or several nested.
-    pub active: Set,
+    pub active: ExceptionSet,
     /// Interrupts that may be handled; the core's exceptions always may.
-    pub enabled: Set,
+    pub enabled: ExceptionSet,
     priority: [u8; EXCEPTIONS],
     /// Bits of a priority that are there.
     priority_mask: u8,
@@ -73,9 +93,9 @@ impl Nvic {
     /// With `bits` bits of priority.
     pub fn new(bits: u8) -> Self {
         Self {
-            pending: Set::default(),
-            active: Set::default(),
-            enabled: Set::default(),
+            pending: ExceptionSet::default(),
+            active: ExceptionSet::default(),
+            enabled: ExceptionSet::default(),
             priority: [0; EXCEPTIONS],
             priority_mask: (0xff00u16 >> bits) as u8,
             group: 0,
@@ -86,7 +106,7 @@ impl Nvic {
     fn priority(&self, number: u16) -> i16 {
         match number {
             1 => -3,
-            2 => -2,
+            NMI => -2,
             HARD_FAULT => -1,
             _ => i16::from(self.priority.get(usize::from(number)).copied().unwrap_or(0)),
         }
@@ -103,7 +123,8 @@ impl Nvic {
     }
 
     /// The exception that is to be handled next, if any may interrupt what runs.
-    pub fn next(&self, primask: bool, faultmask: bool, basepri: u8) -> Option<u16> {
+    pub fn next_exception(&self, masks: Masks) -> Option<u16> {
+        let Masks { primask, faultmask, basepri, .. } = masks;
         let mut threshold = self.active_priority();
         if basepri != 0 {
             threshold = threshold.min(self.group_priority(i16::from(basepri)));
@@ -122,7 +143,7 @@ impl Nvic {
 
     /// Whether some exception would wake WFI: PRIMASK does not count.
     pub fn wakes(&self, basepri: u8) -> bool {
-        self.next(false, false, basepri).is_some()
+        self.next_exception(Masks { basepri, ..Masks::default() }).is_some()
     }
 
     /// Reads a register at `offset` from 0xE000E000 whose state is here.
@@ -179,21 +200,25 @@ impl Nvic {
 mod tests {
     use super::*;
 
+    fn next(nvic: &Nvic, primask: bool, faultmask: bool, basepri: u8) -> Option<u16> {
+        nvic.next_exception(Masks { ipsr: 0, primask, faultmask, basepri })
+    }
+
     #[test]
     fn the_most_urgent_wins_and_only_more_urgent_ones_preempt() {
         let mut nvic = Nvic::new(3);
         assert!(nvic.write(0x100, 0b11, 4));
         assert!(nvic.write(0x400, 0x2040, 4));
         nvic.pending.set(16, true);
-        assert_eq!(nvic.next(false, false, 0), Some(16));
+        assert_eq!(next(&nvic, false, false, 0), Some(16));
         nvic.pending.set(17, true);
-        assert_eq!(nvic.next(false, false, 0), Some(17));
-        assert_eq!(nvic.next(true, false, 0), None);
+        assert_eq!(next(&nvic, false, false, 0), Some(17));
+        assert_eq!(next(&nvic, true, false, 0), None);
         assert!(nvic.wakes(0));
-        assert_eq!(nvic.next(false, false, 0x20), None);
+        assert_eq!(next(&nvic, false, false, 0x20), None);
         nvic.pending.set(17, false);
         nvic.active.set(17, true);
-        assert_eq!(nvic.next(false, false, 0), None);
+        assert_eq!(next(&nvic, false, false, 0), None);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! How cycles and stack were used, by function.
 
-use crate::calls::Calls;
+use crate::call_tree::CallTree;
 use crate::machine::Machine;
 
 /// What a function cost by itself, without those that it called.
@@ -42,7 +42,7 @@ impl Machine {
     pub fn self_cycles(&self) -> Vec<SelfCycles> {
         let functions = self.image.functions();
         let mut cycles = vec![0u64; functions.len() + 1];
-        for region in self.memory.regions() {
+        for region in self.bus.memory.regions() {
             for (at, &count) in region.cycles.iter().enumerate().filter(|&(_, &count)| count > 0) {
                 let number = self.image.function_at(region.base + 2 * at as u32).unwrap_or(functions.len());
                 cycles[number] += count;
@@ -64,7 +64,7 @@ impl Machine {
     /// The call paths, each after its parent: what a flame graph draws. A function that was jumped to rather than
     /// called (a tail call) counts for the one that jumped. Time asleep is nobody's.
     pub fn call_paths(&mut self) -> Vec<CallPath> {
-        let now = self.cycles - self.asleep;
+        let now = self.awake();
         let image = &self.image;
         let name = |address: u32| {
             let function = image.function_at(address).and_then(|number| image.functions().get(number));
@@ -94,7 +94,7 @@ impl Machine {
 
     /// Forgets the cycles of functions and call paths, so that a part of a run can be looked at by itself.
     pub fn reset_profile(&mut self) {
-        self.memory.forget_counts();
-        self.calls = Calls::new(self.cpu.pc, self.cycles - self.asleep);
+        self.bus.memory.forget_counts();
+        self.calls = CallTree::new(self.cpu.pc, self.awake());
     }
 }

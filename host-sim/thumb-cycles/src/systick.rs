@@ -1,8 +1,10 @@
 //! The system timer (DDI 0403, B3.3), computed from the cycle count when it is looked at.
 
-/// Its state.
+use crate::peripheral::{Peripheral, Signals};
+
+/// The timer's state.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct SysTick {
+pub(crate) struct SysTick {
     control: u32,
     reload: u32,
     /// While it runs: a cycle at which it was 0, or would have been. Otherwise its value is in `stopped`.
@@ -57,8 +59,18 @@ impl SysTick {
         self.asked = self.seen;
     }
 
-    /// Reads the register at `offset` from 0xE000E010.
-    pub fn read(&mut self, offset: u32, now: u64) -> u32 {
+    /// Whether an interrupt is due that was not asked for yet; it counts as asked for.
+    fn take_due(&mut self, now: u64) -> bool {
+        let wraps = self.wraps(now);
+        let due = wraps > self.asked && self.control & Self::INTERRUPT != 0;
+        self.asked = wraps;
+        due
+    }
+}
+
+/// Offsets are from 0xE000_E010. Its one line is that of the SysTick exception.
+impl Peripheral for SysTick {
+    fn read(&mut self, offset: u32, now: u64) -> u32 {
         match offset {
             0 => {
                 let wraps = self.wraps(now);
@@ -73,8 +85,7 @@ impl SysTick {
         }
     }
 
-    /// Writes a register.
-    pub fn write(&mut self, offset: u32, word: u32, now: u64) {
+    fn write(&mut self, offset: u32, word: u32, _: u32, now: u64) {
         let value = self.value(now);
         match offset {
             0 => {
@@ -93,16 +104,11 @@ impl SysTick {
         }
     }
 
-    /// Whether an interrupt is due that was not asked for yet; it counts as asked for.
-    pub fn due(&mut self, now: u64) -> bool {
-        let wraps = self.wraps(now);
-        let due = wraps > self.asked && self.control & Self::INTERRUPT != 0;
-        self.asked = wraps;
-        due
+    fn advance(&mut self, now: u64) -> Signals {
+        Signals { interrupts: u32::from(self.take_due(now)), sent: None }
     }
 
-    /// The next cycle at which an interrupt is due.
-    pub fn next(&self, now: u64) -> Option<u64> {
+    fn next_event(&self, now: u64) -> Option<u64> {
         if !self.runs() || self.control & Self::INTERRUPT == 0 {
             return None;
         }
@@ -117,31 +123,31 @@ mod tests {
     #[test]
     fn it_counts_down_from_the_reload_value_and_asks_once_a_period() {
         let mut timer = SysTick::default();
-        timer.write(4, 99, 1000);
-        timer.write(8, 0, 1000);
-        timer.write(0, 7, 1000);
+        timer.write(4, 99, 4, 1000);
+        timer.write(8, 0, 4, 1000);
+        timer.write(0, 7, 4, 1000);
         assert_eq!(timer.read(8, 1000), 0);
         assert_eq!(timer.read(8, 1001), 99);
         assert_eq!(timer.read(8, 1099), 1);
-        assert_eq!(timer.next(1050), Some(1100));
-        assert!(!timer.due(1099));
-        assert!(timer.due(1100));
-        assert!(!timer.due(1150));
+        assert_eq!(timer.next_event(1050), Some(1100));
+        assert!(!timer.take_due(1099));
+        assert!(timer.take_due(1100));
+        assert!(!timer.take_due(1150));
         assert_eq!(timer.read(0, 1150), 7 | 1 << 16);
         assert_eq!(timer.read(0, 1151), 7);
-        assert_eq!(timer.next(1150), Some(1200));
+        assert_eq!(timer.next_event(1150), Some(1200));
     }
 
     #[test]
     fn it_goes_on_from_where_it_was_stopped() {
         let mut timer = SysTick::default();
-        timer.write(4, 999, 0);
-        timer.write(8, 0, 0);
-        timer.write(0, 5, 0);
-        timer.write(0, 4, 300);
+        timer.write(4, 999, 4, 0);
+        timer.write(8, 0, 4, 0);
+        timer.write(0, 5, 4, 0);
+        timer.write(0, 4, 4, 300);
         assert_eq!(timer.read(8, 5000), 700);
-        timer.write(0, 7, 6000);
+        timer.write(0, 7, 4, 6000);
         assert_eq!(timer.read(8, 6100), 600);
-        assert_eq!(timer.next(6100), Some(6700));
+        assert_eq!(timer.next_event(6100), Some(6700));
     }
 }

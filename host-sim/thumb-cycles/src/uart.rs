@@ -1,5 +1,6 @@
 //! A CMSDK APB UART (Arm DDI 0479, section 4.3): a buffer of one byte each way, a start and a stop bit.
 
+use crate::peripheral::{Peripheral, Signals};
 use std::collections::VecDeque;
 
 /// Bits on the line for a byte.
@@ -20,13 +21,10 @@ const RX_INTERRUPT_ENABLE: u32 = 8;
 const TX_INTERRUPT: u32 = 1;
 const RX_INTERRUPT: u32 = 2;
 
-/// Its state.
-#[derive(Clone, Debug)]
-pub struct Uart {
-    /// First register.
-    pub base: u32,
-    /// Numbers of the receive and the transmit interrupt.
-    pub interrupts: (u16, u16),
+/// A CMSDK APB UART. Its interrupt lines are transmit and receive, in this
+/// order.
+#[derive(Clone, Debug, Default)]
+pub struct CmsdkUart {
     data: u32,
     state: u32,
     control: u32,
@@ -41,30 +39,27 @@ pub struct Uart {
     free: u64,
 }
 
-impl Uart {
-    /// As after reset.
-    pub fn new(base: u32, interrupts: (u16, u16)) -> Self {
-        Self {
-            base,
-            interrupts,
-            data: 0,
-            state: 0,
-            control: 0,
-            interrupt: 0,
-            divider: 0,
-            buffer: 0,
-            sending: None,
-            receiving: VecDeque::new(),
-            free: 0,
-        }
-    }
-
+impl CmsdkUart {
     fn byte_cycles(&self) -> u64 {
         u64::from(self.divider.max(MIN_DIVIDER)) * BITS
     }
 
-    /// Reads the register at `offset`.
-    pub fn read(&mut self, offset: u32) -> u32 {
+    /// Moves the buffer onto the line, if that is free.
+    fn shift_out(&mut self, now: u64) {
+        let ready = self.control & TX_ENABLE != 0 && self.divider >= MIN_DIVIDER;
+        if !ready || self.state & TX_FULL == 0 || self.sending.is_some() {
+            return;
+        }
+        self.sending = Some((self.buffer, now + self.byte_cycles()));
+        self.state &= !TX_FULL;
+        if self.control & TX_INTERRUPT_ENABLE != 0 {
+            self.interrupt |= TX_INTERRUPT;
+        }
+    }
+}
+
+impl Peripheral for CmsdkUart {
+    fn read(&mut self, offset: u32, _: u64) -> u32 {
         match offset {
             0x0 => {
                 self.state &= !RX_FULL;
@@ -87,9 +82,8 @@ impl Uart {
         }
     }
 
-    /// Writes the register at `offset`.
-    pub fn write(&mut self, offset: u32, word: u32, now: u64) {
-        match offset {
+    fn write(&mut self, offset: u32, word: u32, _: u32, now: u64) {
+        match offset & !3 {
             0x0 => {
                 if self.state & TX_FULL != 0 {
                     self.state |= TX_OVERRUN;
@@ -112,29 +106,7 @@ impl Uart {
         }
     }
 
-    /// Moves the buffer onto the line, if that is free.
-    fn shift_out(&mut self, now: u64) {
-        let ready = self.control & TX_ENABLE != 0 && self.divider >= MIN_DIVIDER;
-        if !ready || self.state & TX_FULL == 0 || self.sending.is_some() {
-            return;
-        }
-        self.sending = Some((self.buffer, now + self.byte_cycles()));
-        self.state &= !TX_FULL;
-        if self.control & TX_INTERRUPT_ENABLE != 0 {
-            self.interrupt |= TX_INTERRUPT;
-        }
-    }
-
-    /// Bytes that the device sends, one after the other from `now` on.
-    pub fn receive(&mut self, bytes: &[u8], now: u64) {
-        for &byte in bytes {
-            self.free = self.free.max(now) + self.byte_cycles();
-            self.receiving.push_back((byte, self.free));
-        }
-    }
-
-    /// What has happened until `now`; the byte that has been sent, if one has.
-    pub fn advance(&mut self, now: u64) -> Option<u8> {
+    fn advance(&mut self, now: u64) -> Signals {
         while let Some((byte, _)) = self.receiving.pop_front_if(|&mut (_, at)| at <= now) {
             if self.control & RX_ENABLE == 0 {
                 continue;
@@ -148,21 +120,24 @@ impl Uart {
                 self.interrupt |= RX_INTERRUPT;
             }
         }
-        let (byte, _) = self.sending.take_if(|&mut (_, at)| at <= now)?;
-        self.shift_out(now);
-        Some(byte)
+        let sent = self.sending.take_if(|&mut (_, at)| at <= now).map(|(byte, _)| byte);
+        if sent.is_some() {
+            self.shift_out(now);
+        }
+        Signals { interrupts: self.interrupt, sent }
     }
 
-    /// The next cycle at which something happens.
-    pub fn next(&self) -> Option<u64> {
+    fn next_event(&self, _: u64) -> Option<u64> {
         let sent = self.sending.map(|(_, at)| at);
         let received = self.receiving.front().map(|&(_, at)| at);
         sent.into_iter().chain(received).min()
     }
 
-    /// The interrupt lines: receive, transmit.
-    pub fn lines(&self) -> (bool, bool) {
-        (self.interrupt & RX_INTERRUPT != 0, self.interrupt & TX_INTERRUPT != 0)
+    fn receive(&mut self, bytes: &[u8], now: u64) {
+        for &byte in bytes {
+            self.free = self.free.max(now) + self.byte_cycles();
+            self.receiving.push_back((byte, self.free));
+        }
     }
 }
 
@@ -170,31 +145,37 @@ impl Uart {
 mod tests {
     use super::*;
 
+    /// The receive and the transmit line, as they are before anything happens.
+    fn lines(uart: &mut CmsdkUart) -> (bool, bool) {
+        let lines = uart.advance(0).interrupts;
+        (lines & RX_INTERRUPT != 0, lines & TX_INTERRUPT != 0)
+    }
+
     #[test]
     fn a_byte_takes_ten_bits_and_the_next_waits_in_the_buffer() {
-        let mut uart = Uart::new(0x4000_4000, (0, 1));
-        uart.write(0x10, 25, 0);
-        uart.write(0x8, TX_ENABLE | TX_INTERRUPT_ENABLE, 0);
-        uart.write(0x0, 0x41, 100);
-        assert_eq!((uart.read(4), uart.lines()), (0, (false, true)));
-        uart.write(0xc, 1, 101);
-        uart.write(0x0, 0x42, 110);
-        assert_eq!((uart.read(4), uart.lines()), (TX_FULL, (false, false)));
-        assert_eq!((uart.advance(349), uart.next()), (None, Some(350)));
-        assert_eq!(uart.advance(350), Some(0x41));
-        assert_eq!((uart.read(4), uart.lines(), uart.next()), (0, (false, true), Some(600)));
+        let mut uart = CmsdkUart::default();
+        uart.write(0x10, 25, 4, 0);
+        uart.write(0x8, TX_ENABLE | TX_INTERRUPT_ENABLE, 4, 0);
+        uart.write(0x0, 0x41, 4, 100);
+        assert_eq!((uart.read(4, 0), lines(&mut uart)), (0, (false, true)));
+        uart.write(0xc, 1, 4, 101);
+        uart.write(0x0, 0x42, 4, 110);
+        assert_eq!((uart.read(4, 0), lines(&mut uart)), (TX_FULL, (false, false)));
+        assert_eq!((uart.advance(349).sent, uart.next_event(0)), (None, Some(350)));
+        assert_eq!(uart.advance(350).sent, Some(0x41));
+        assert_eq!((uart.read(4, 0), lines(&mut uart), uart.next_event(0)), (0, (false, true), Some(600)));
     }
 
     #[test]
     fn bytes_that_nobody_reads_overrun() {
-        let mut uart = Uart::new(0x4000_4000, (0, 1));
-        uart.write(0x10, 16, 0);
-        uart.write(0x8, RX_ENABLE | RX_INTERRUPT_ENABLE, 0);
+        let mut uart = CmsdkUart::default();
+        uart.write(0x10, 16, 4, 0);
+        uart.write(0x8, RX_ENABLE | RX_INTERRUPT_ENABLE, 4, 0);
         uart.receive(b"ab", 0);
-        assert_eq!(uart.advance(160), None);
-        assert_eq!((uart.read(4), uart.lines()), (RX_FULL, (true, false)));
+        assert_eq!(uart.advance(160).sent, None);
+        assert_eq!((uart.read(4, 0), lines(&mut uart)), (RX_FULL, (true, false)));
         uart.advance(320);
-        assert_eq!(uart.read(4), RX_FULL | RX_OVERRUN);
-        assert_eq!((uart.read(0), uart.read(4)), (u32::from(b'b'), RX_OVERRUN));
+        assert_eq!(uart.read(4, 0), RX_FULL | RX_OVERRUN);
+        assert_eq!((uart.read(0, 0), uart.read(4, 0)), (u32::from(b'b'), RX_OVERRUN));
     }
 }

@@ -1,6 +1,6 @@
 //! 32-bit instructions on registers alone (A5.3.12 to A5.3.17): shifts, extends, multiplies and the DSP extension.
 
-use super::{bits, reg, undefined};
+use super::fields::{bits, reg, undefined};
 use crate::insn::{Arch, Class, Insn, Op};
 
 fn alu(op: Op) -> Insn {

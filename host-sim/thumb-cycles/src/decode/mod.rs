@@ -1,11 +1,12 @@
 //! Halfwords to [`Insn`] (Arm DDI 0403, chapter A5; DDI 0419 and DDI 0553 for what differs).
 
 mod dsp;
+mod fields;
 mod narrow;
 mod system;
 mod wide;
 
-use crate::insn::{Arch, Class, Insn, Op, Shift};
+use crate::insn::{Arch, Insn};
 
 /// Whether an instruction that starts with this halfword has a second one.
 pub fn is_wide(first: u16) -> bool {
@@ -14,7 +15,7 @@ pub fn is_wide(first: u16) -> bool {
 
 /// Decodes the instruction at `pc`. `it` are the IT bits that it executes under (0 outside a block).
 ///
-/// What the core does not have becomes [`Op::Undefined`], what needs an FPU [`Op::Coprocessor`].
+/// What the core does not have becomes [`Op::Undefined`](crate::insn::Op::Undefined), what needs an FPU [`Op::Coprocessor`](crate::insn::Op::Coprocessor).
 pub fn decode(arch: Arch, pc: u32, first: u16, second: u16, it: u8) -> Insn {
     let mut insn = if is_wide(first) {
         wide::decode(arch, pc, u32::from(first), u32::from(second))
@@ -37,41 +38,10 @@ pub fn advance_it(it: u8) -> u8 {
     if it & 7 == 0 { 0 } else { (it & 0xe0) | ((it << 1) & 0x1f) }
 }
 
-fn undefined(len: u8) -> Insn {
-    Insn::new(Op::Undefined, Class::Control, len)
-}
-
-/// The `count` bits of `word` from `low` on.
-fn bits(word: u32, low: u32, count: u32) -> u32 {
-    (word >> low) & ((1 << count) - 1)
-}
-
-/// The register number in the `count` bits of `word` from `low` on.
-fn reg(word: u32, low: u32, count: u32) -> u8 {
-    bits(word, low, count) as u8
-}
-
-fn sign_extend(value: u32, bits: u32) -> u32 {
-    let unused = 32 - bits;
-    (((value << unused) as i32) >> unused) as u32
-}
-
-/// DecodeImmShift (A7.4.2): the kind and the distance.
-fn immediate_shift(kind: u32, amount: u32) -> (Shift, u8) {
-    match (kind, amount) {
-        (0, amount) => (Shift::Lsl, amount as u8),
-        (1, 0) => (Shift::Lsr, 32),
-        (1, amount) => (Shift::Lsr, amount as u8),
-        (2, 0) => (Shift::Asr, 32),
-        (2, amount) => (Shift::Asr, amount as u8),
-        (_, 0) => (Shift::Rrx, 1),
-        (_, amount) => (Shift::Ror, amount as u8),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::insn::Op;
 
     #[test]
     fn it_blocks_advance() {

@@ -1,6 +1,6 @@
 //! 16-bit instructions (A5.2).
 
-use super::{bits, immediate_shift, reg, sign_extend, undefined};
+use super::fields::{bits, immediate_shift, reg, sign_extend, undefined};
 use crate::insn::{Arch, Class, Index, Insn, Op, Shift, Src};
 
 fn alu(op: Op) -> Insn {

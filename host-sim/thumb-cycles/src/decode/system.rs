@@ -1,7 +1,6 @@
 //! 32-bit branches and instructions on the core's state (A5.3.4; ARMv6-M has only these, DDI 0419 A5.3).
 
-use super::wide::long_offset;
-use super::{bits, reg, sign_extend, undefined};
+use super::fields::{bits, long_offset, reg, sign_extend, undefined};
 use crate::insn::{Arch, Class, Insn, Op};
 
 /// ARMv6-M: BL, MRS, MSR and the barriers.

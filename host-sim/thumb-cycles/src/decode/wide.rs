@@ -1,6 +1,7 @@
 //! 32-bit instructions (A5.3): data processing, loads and stores.
 
-use super::{bits, dsp, immediate_shift, reg, sign_extend, system, undefined};
+use super::fields::{bits, immediate_shift, reg, undefined};
+use super::{dsp, system};
 use crate::insn::{Arch, Class, Index, Insn, Op, Shift, Src};
 
 fn alu(op: Op) -> Insn {
@@ -317,13 +318,4 @@ fn single(pc: u32, first: u32, second: u32) -> Insn {
         return undefined(4);
     }
     insn(Insn { imm, index, ..base })
-}
-
-/// The offset of BL and B.W (A7.7.12, encoding T4).
-pub(super) fn long_offset(first: u32, second: u32) -> u32 {
-    let s = bits(first, 10, 1);
-    let i1 = 1 ^ bits(second, 13, 1) ^ s;
-    let i2 = 1 ^ bits(second, 11, 1) ^ s;
-    let offset = s << 24 | i1 << 23 | i2 << 22 | bits(first, 0, 10) << 12 | bits(second, 0, 11) << 1;
-    sign_extend(offset, 25)
 }

@@ -1,8 +1,8 @@
 //! Cortex-M0 and M0+: no instruction depends on the one before.
 
-use super::{ExceptionCycles, Timing};
+use super::model::{ExceptionCycles, Timing};
 use crate::insn::{Class, Insn};
-use crate::machine::Outcome;
+use crate::outcome::Outcome;
 
 /// Cortex-M0 (`PLUS` false) or M0+.
 #[derive(Clone, Copy, Debug)]

@@ -3,9 +3,9 @@
 //!
 //! Arm publishes no cycle counts for this core: all rules are measurements of *pipetest* on an RP2350.
 
-use super::{ExceptionCycles, Timing, divide};
+use super::model::{ExceptionCycles, Timing, divide};
 use crate::insn::{Class, Insn, Op, Src};
-use crate::machine::Outcome;
+use crate::outcome::Outcome;
 
 /// Cortex-M33.
 #[derive(Clone, Copy, Debug, Default)]

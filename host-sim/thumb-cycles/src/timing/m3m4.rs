@@ -1,8 +1,8 @@
 //! Cortex-M3 and M4: three stages; loads pipeline with each other, and an address is needed a cycle early.
 
-use super::{ExceptionCycles, Timing, divide};
+use super::model::{ExceptionCycles, Timing, divide};
 use crate::insn::{Class, Index, Insn};
-use crate::machine::Outcome;
+use crate::outcome::Outcome;
 
 /// What the instruction before left in the pipeline.
 #[derive(Clone, Copy, Debug, Default)]

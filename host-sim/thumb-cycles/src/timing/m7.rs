@@ -2,9 +2,9 @@
 //! memory, and a branch predictor. Rules are those of *pipetest* on an STM32H743 that matter most; the core has many
 //! more. Caches are not modelled: memory answers at once.
 
-use super::{ExceptionCycles, Timing, divide};
+use super::model::{ExceptionCycles, Timing, divide};
 use crate::insn::{Class, Insn, Op};
-use crate::machine::Outcome;
+use crate::outcome::Outcome;
 
 /// Entries of the branch predictor: 2-bit counters, by address.
 const PREDICTORS: usize = 512;

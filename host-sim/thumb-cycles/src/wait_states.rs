@@ -1,20 +1,36 @@
-//! Memory with wait states, as seen by the core: one line is kept, and the next may be read ahead.
+//! Memory with wait states, as the core sees it: one line is kept, and the next line may be read ahead.
 //!
 //! This is the least that real flash interfaces have (the STM32F1's prefetch buffer is two lines of 64 bits); caches
 //! such as the STM32F4's ART do better.
 
-use crate::memory::WaitStates;
+/// How long reads of a region take. Zero wait states unless said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WaitStates {
+    /// Cycles that a read takes beyond one.
+    pub cycles: u32,
+    /// Bytes that one read brings (4 to 32, a power of two); code in the same line costs no more reads.
+    pub line: u32,
+    /// Whether the next line is read ahead while this one executes.
+    pub prefetch: bool,
+    /// Whether code comes from a cache that always hits; data does not.
+    pub cached_code: bool,
+}
+
+impl WaitStates {
+    /// No wait states.
+    pub const NONE: Self = Self { cycles: 0, line: 4, prefetch: false, cached_code: false };
+}
 
 /// The line that is kept.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct FlashBuffer {
+pub(crate) struct LineBuffer {
     /// Its first address, with 1 added so that 0 is none.
     line: u64,
     /// The cycle at which the line after it has been read ahead.
     ahead: u64,
 }
 
-impl FlashBuffer {
+impl LineBuffer {
     /// Cycles that the core waits for the code at `pc`.
     pub fn fetch(&mut self, waits: WaitStates, pc: u32, bytes: u32, now: u64) -> u32 {
         if waits.cycles == 0 || waits.cached_code {
@@ -62,7 +78,7 @@ mod tests {
     #[test]
     fn a_line_is_waited_for_once() {
         let waits = WaitStates { cycles: 2, line: 8, prefetch: false, cached_code: false };
-        let mut buffer = FlashBuffer::default();
+        let mut buffer = LineBuffer::default();
         assert_eq!(buffer.fetch(waits, 0x100, 2, 0), 2);
         assert_eq!(buffer.fetch(waits, 0x104, 4, 3), 0);
         // Across two lines of which one is there.
@@ -73,7 +89,7 @@ mod tests {
     #[test]
     fn reading_ahead_hides_the_wait_of_straight_code() {
         let waits = WaitStates { cycles: 2, line: 8, prefetch: true, cached_code: false };
-        let mut buffer = FlashBuffer::default();
+        let mut buffer = LineBuffer::default();
         assert_eq!(buffer.fetch(waits, 0x100, 2, 0), 2);
         // Four 16-bit instructions take four cycles; the next line took three.
         assert_eq!(buffer.fetch(waits, 0x108, 2, 6), 0);

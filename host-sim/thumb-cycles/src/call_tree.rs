@@ -5,7 +5,7 @@ const MAX_DEPTH: usize = 256;
 
 /// A call path: a function as called from its parent's path.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Path {
+pub(crate) struct Node {
     /// Address that was called; the address of the first instruction for the root.
     pub address: u32,
     /// Number of the calling path; the root is its own.
@@ -19,8 +19,8 @@ pub struct Path {
 
 /// The tree and where the image is in it.
 #[derive(Clone, Debug)]
-pub struct Calls {
-    paths: Vec<Path>,
+pub(crate) struct CallTree {
+    paths: Vec<Node>,
     current: usize,
     /// Cycle up to which `current` has its cycles.
     since: u64,
@@ -28,10 +28,10 @@ pub struct Calls {
     stack: Vec<(u32, usize)>,
 }
 
-impl Calls {
+impl CallTree {
     /// Only a root, at `address`.
     pub fn new(address: u32, now: u64) -> Self {
-        let root = Path { address, parent: 0, cycles: 0, calls: 1, children: Vec::new() };
+        let root = Node { address, parent: 0, cycles: 0, calls: 1, children: Vec::new() };
         Self { paths: vec![root], current: 0, since: now, stack: Vec::new() }
     }
 
@@ -55,7 +55,7 @@ impl Calls {
         });
         let child = found.unwrap_or_else(|| {
             let number = self.paths.len();
-            self.paths.push(Path { address, parent, cycles: 0, calls: 0, children: Vec::new() });
+            self.paths.push(Node { address, parent, cycles: 0, calls: 0, children: Vec::new() });
             if let Some(path) = self.paths.get_mut(parent) {
                 path.children.push(number);
             }
@@ -81,7 +81,7 @@ impl Calls {
     }
 
     /// The tree until `now`: a path's parent comes before it.
-    pub fn paths(&mut self, now: u64) -> &[Path] {
+    pub fn paths(&mut self, now: u64) -> &[Node] {
         self.settle(now);
         &self.paths
     }
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn cycles_go_to_the_path_that_spends_them() {
-        let mut calls = Calls::new(0x100, 0);
+        let mut calls = CallTree::new(0x100, 0);
         calls.enter(0x200, 0x104, 10);
         calls.enter(0x300, 0x204, 15);
         calls.leave(0x204, 35);
@@ -101,7 +101,7 @@ mod tests {
         calls.enter(0x300, 0x208, 40);
         calls.leave(0x208, 41);
         calls.leave(0x104, 50);
-        let of = |path: &Path| (path.address, path.cycles, path.calls);
+        let of = |node: &Node| (node.address, node.cycles, node.calls);
         let paths: Vec<_> = calls.paths(60).iter().map(of).collect();
         assert_eq!(paths, [(0x100, 20, 1), (0x200, 19, 1), (0x300, 21, 2)]);
     }

@@ -1,6 +1,8 @@
 //! The machine with code of a few halfwords: what happens between instructions, and what stops it.
+#![allow(clippy::unwrap_used)]
 
-use super::*;
+use thumb_cycles::insn::Arch;
+use thumb_cycles::{AccessError, Board, Cause, Core, Image, Machine, Stop, WaitStates};
 
 /// Vectors for 32 exceptions, all at 0x100 but for those given, and code at 0x80 and 0x100.
 fn machine(core: Core, vectors: &[(usize, u32)], main: &[u16], handler: &[u16]) -> Machine {
@@ -10,7 +12,7 @@ fn machine(core: Core, vectors: &[(usize, u32)], main: &[u16], handler: &[u16]) 
         table[number] = address;
     }
     let table: Vec<u16> = table.iter().flat_map(|word| [*word as u16, (word >> 16) as u16]).collect();
-    let image = Image::of(&[(0, &table), (0x80, main), (0x100, handler)]);
+    let image = Image::from_halfwords(&[(0, &table), (0x80, main), (0x100, handler)]);
     Machine::new(core, &Board::bare(), &image).unwrap()
 }
 
@@ -44,7 +46,7 @@ fn an_exception_takes_its_cycles_to_begin_and_to_end() {
     for (core, entry, exit, bx) in
         [(Core::M0, 16, 11, 3), (Core::M0Plus, 15, 10, 2), (Core::M3, 12, 10, 3), (Core::M4, 12, 10, 3)]
     {
-        let store = if core.arch() == insn::Arch::V6M { 2 } else { 1 };
+        let store = if core.arch() == Arch::V6M { 2 } else { 1 };
         let mut machine = pending(core, PEND_SV);
         assert_eq!(cycles_between(&mut machine, 0x80, 0x100), store + entry, "{}", core.name());
         let mut machine = pending(core, PEND_SV);
@@ -143,7 +145,7 @@ fn the_host_calls_functions_and_is_told_of_marks() {
     // str r0, [r1]; adds r0, r0, r0; bx lr
     let mut machine = machine(Core::M0Plus, &[], &[0xe7fe], &[0x6008, 0x1800, 0x4770]);
     let stop = machine.call_function(0x101, &[21, 0xe000_0008], 100).unwrap();
-    assert_eq!(stop, Stop::Mark { port: 2, value: 21 });
+    assert_eq!(stop, Stop::ItmWrite { port: 2, value: 21 });
     assert_eq!(machine.run_until(100).unwrap(), Stop::Returned);
     assert_eq!(machine.cpu.r[0], 42);
     assert_eq!(machine.usage().cycles, 2 + 1 + 2);
@@ -231,12 +233,12 @@ fn semihosting_writes_and_ends() {
     assert!(machine.memory_mut().program(0x2000_0000, b"hello\0"));
     (machine.cpu.r[0], machine.cpu.r[1]) = (4, 0x2000_0000);
     assert_eq!(machine.run_until(1000).unwrap(), Stop::Exit(0));
-    assert_eq!(machine.console, b"hello");
+    assert_eq!(machine.semihosting.console, b"hello");
 }
 
 #[test]
 fn an_image_that_does_not_fit_is_refused() {
-    let image = Image::of(&[(0x3000_0000, &[0])]);
+    let image = Image::from_halfwords(&[(0x3000_0000, &[0])]);
     let error = Machine::new(Core::M4, &Board::bare(), &image).err().unwrap();
-    assert!(error.contains("0x30000000"), "{error}");
+    assert!(error.to_string().contains("0x30000000"), "{error}");
 }
