@@ -8,7 +8,7 @@ use crate::play::{Recorder, Recording, on_the_spot};
 use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use firmware::clips::{Post, WithLive, Worker, decode};
 use firmware::drive::Surroundings;
 use firmware::fault::{Fault, Feedback};
