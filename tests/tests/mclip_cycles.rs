@@ -4,10 +4,10 @@
 use bunraku_tests::{bunraku, motion, require_target};
 use decoder_core::Limits;
 use decoder_core::mclip::{Clip, CodecId, EntropyId};
-use encoder::import;
 use encoder::mclip::{Encoder, Lent, Predictor, Quality, Settings};
 use host_sim::profile::measure::Runner;
 use host_sim::profile::{mclip_images, prefix_images};
+use mocap::import;
 use thumb_cycles::Core;
 
 /// Decodes on the simulated core, compares every frame, and gives the mean cycles of a frame and the worst one's.
