@@ -4,15 +4,12 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
-pub mod blender;
 pub mod bus;
 pub mod clips;
 pub mod clock;
 pub mod device;
 pub mod drive;
-pub mod dynamixel;
 pub mod fault;
-pub mod feetech;
 pub mod follow;
 pub mod idle;
 pub mod interpolate;
@@ -21,9 +18,6 @@ pub mod limits;
 pub mod link;
 pub mod machine;
 pub mod map;
-pub mod pca9685;
-pub mod protocol1;
-pub mod pwm;
 pub mod script;
 pub mod sender;
 pub mod stage;

@@ -11,7 +11,6 @@
 //! it out. No goal ever leaves a servo's range, or moves faster or with more acceleration than the map allows; that
 //! is [`limits`](crate::limits), behind everything here.
 
-use crate::bus::Goal;
 use crate::fault::{Fault, Feedback, Watch};
 use crate::idle::{IdleLayer, IdlePose};
 use crate::interpolate::{Fraction, least_jerk, lerp};
@@ -20,6 +19,7 @@ use crate::map::{GOAL_LIMIT, Idle, Joint, JointMap, Policy};
 use crate::stage::{Library, Stage};
 use crate::voice::PlayError;
 use heapless::Vec;
+use servo_wire::bus::Goal;
 
 mod plan;
 mod rehearsal;

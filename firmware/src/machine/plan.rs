@@ -1,8 +1,8 @@
 //! What a machine is told, and what it wants.
 
-use crate::bus::Goal;
 use crate::clock::Speed;
 use serde::{Deserialize, Serialize};
+use servo_wire::bus::Goal;
 
 /// What a puppet can be told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

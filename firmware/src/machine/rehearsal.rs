@@ -1,10 +1,10 @@
 //! A machine without a bus: for measuring, and for looking at what it will do.
 
 use super::{Action, Machine, Plan, State};
-use crate::bus::{Goal, Reading};
 use crate::fault::Feedback;
 use crate::stage::Library;
 use heapless::Vec;
+use servo_wire::bus::{Goal, Reading};
 
 /// Servos that are at once where they are told to be, and never fail.
 #[derive(Debug)]

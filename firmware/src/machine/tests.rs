@@ -1,9 +1,9 @@
 use super::world::*;
 use super::*;
-use crate::bus::BusError;
 use crate::clock::Speed;
 use crate::map::{Interpolation, Settings};
 use proptest::prelude::*;
+use servo_wire::bus::BusError;
 
 #[test]
 fn from_any_posture_to_the_clip_and_home_without_a_jump() {

@@ -1,11 +1,11 @@
 //! A world for tests: clips from formulas, and servos that can be harmed, which look at what they are told.
 
 use super::*;
-use crate::bus::{BusError, Reading};
 use crate::fault::UNHEARD_TICKS;
 use crate::map::{BusKind, BusSpec, Settings};
 use crate::voice::Frames;
 use decoder_core::{Error, Field, I16F16};
+use servo_wire::bus::{BusError, Reading};
 use std::collections::HashMap;
 
 pub(crate) const SERVOS: usize = 3;

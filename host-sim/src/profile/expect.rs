@@ -5,10 +5,10 @@ use crate::clip::Clip;
 use crate::puppet::Map;
 use anyhow::{Result, bail};
 use decoder_core::I16F16;
-use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use firmware::library::Single;
 use firmware::machine::{After, Machine, Rehearsal, Show, Start, State};
 use firmware::map::MAX_SERVOS;
+use servo_wire::dynamixel::sync_write::{goal_positions, goal_positions_len};
 
 /// The frames of a clip.
 ///

@@ -12,10 +12,10 @@ mod store;
 use core::hint::black_box;
 use cortex_m_rt::entry;
 use ends::{failed, finished};
-use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use firmware::library::Single;
 use firmware::machine::{After, Machine, Rehearsal, Show, Start, State};
 use firmware::map::{JointMap, MAX_SERVOS};
+use servo_wire::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use store::{Decoder, Memory};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));

@@ -6,9 +6,7 @@ use crate::servos2;
 use crate::wire::{Fault as Struck, Servos, Wire};
 use decoder_core::{Error, I16F16};
 use embedded_hal_async::delay::DelayNs;
-use firmware::bus::port::{Line, Port};
 use firmware::drive::{Surroundings, drive};
-use firmware::dynamixel::{Client, DynamixelBus};
 use firmware::fault::{Fault, Feedback, UNHEARD_TICKS};
 use firmware::library::Single;
 use firmware::limits::FINE_BITS;
@@ -17,6 +15,8 @@ use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, Policy, Settings};
 use firmware::stage::Library;
 use firmware::voice::Frames;
 use host_sim::servos::{Bus, BusConfig, Deed, Event, ServoConfig};
+use servo_wire::dynamixel::{Client, DynamixelBus};
+use servo_wire::port::{Line, Port};
 use std::collections::BTreeMap;
 
 const BAUD: u32 = 1_000_000;
