@@ -7,9 +7,9 @@
 use crate::fault::Fault;
 use crate::machine::{Command, State};
 use crate::map::MAX_SERVOS;
+use crate::play_error::PlayError;
 use crate::store::{Name, StoreError};
 use crate::stream::{Counters, Progress, StreamError};
-use crate::voice::PlayError;
 use core::fmt;
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
