@@ -31,8 +31,10 @@ const FROZEN: &str = "6ed7ea26e574c2d00fc6f2f6df8fe23b70bba83e285977afcd708512e0
 #[test]
 fn the_frozen_vectors_are_as_they_were() {
     let folder = vectors::folder();
-    let mut names: Vec<_> =
-        fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    let mut names: Vec<_> = fs::read_dir(&folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
     names.sort();
     let mut list = Sha256::new();
     for name in names {
