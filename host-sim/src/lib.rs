@@ -5,6 +5,7 @@ pub mod board;
 pub mod clip;
 pub mod device;
 pub mod files;
+pub mod filmstrip;
 pub mod flash;
 pub mod image;
 pub mod link;
