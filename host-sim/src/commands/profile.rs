@@ -8,7 +8,7 @@ use host_sim::profile;
 use host_sim::profile::baseline::Baseline;
 use host_sim::profile::parts::{PARTS, Part};
 use host_sim::profile::report::{Budget, Container, Simulation, Subject, Table, Ticks};
-use host_sim::profile::{CoreReport, Report, html, measure};
+use host_sim::profile::{CoreReport, LoadedImage, Report, html, measure};
 use host_sim::puppet::{self, Channels, Map, Puppet};
 use host_sim::thumb::Core;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -171,7 +171,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let (mut instructions, mut simulated) = (0, Duration::ZERO);
     for (&core, image) in cores.iter().zip(&images) {
         bar.set_message(core.name());
-        let measured = measure::run(core, image, args.wait_states, &expected, &mut || bar.inc(1))
+        let measured = measure::frames(core, image, args.wait_states, &expected, &mut || bar.inc(1))
             .with_context(|| format!("{name} on {}", core.name()))?;
         instructions += measured.instructions;
         simulated += measured.simulated;
@@ -268,7 +268,7 @@ fn container(clip: &Clip<'_>, table: Table) -> Container {
 }
 
 /// An image for every core.
-fn build(clip: &[u8], map: Option<&Map>, cores: &[Core], table: Table) -> Result<Vec<Vec<u8>>> {
+fn build(clip: &[u8], map: Option<&Map>, cores: &[Core], table: Table) -> Result<Vec<LoadedImage>> {
     let mut targets: Vec<&str> = cores.iter().map(|core| core.target()).collect();
     targets.sort_unstable();
     targets.dedup();

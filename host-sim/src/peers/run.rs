@@ -3,9 +3,9 @@
 use super::{PACKERS, Packer, Quantised};
 use crate::clip::Clip;
 use crate::image::Image;
-use crate::profile;
 use crate::profile::elf::Memory;
 use crate::profile::measure::{self, Measured};
+use crate::profile::{self, LoadedImage};
 use crate::thumb::Core;
 use anyhow::{Context, Result, bail};
 use decoder_core::mclip::{CodecId, EntropyId};
@@ -182,6 +182,7 @@ pub fn run(clip: &encoder::Clip, method: Method, cores: &[Core]) -> Result<Entry
                 variables: &variables,
             }
             .build()?;
+            let images = images.into_iter().map(LoadedImage::alone).collect();
             let error = evaluator.mean_joint_cm(&stored.motion(clip.motion.fps).samples);
             (store.len(), images, error, stored.expected())
         }
@@ -205,15 +206,15 @@ pub fn run(clip: &encoder::Clip, method: Method, cores: &[Core]) -> Result<Entry
     for &core in cores {
         let built = targets.iter().zip(&images).find(|(target, _)| **target == core.target());
         let Some((_, image)) = built else { bail!("no image was built for {}", core.name()) };
-        let measured = measure::run(core, image, 0, &expected, &mut || ())
+        let measured = measure::frames(core, image, 0, &expected, &mut || ())
             .with_context(|| format!("{} on {}", method.name(), core.name()))?;
         costs.push(cost(core, image, method, bytes, &measured)?);
     }
     Ok(Entry { name: method.name(), method, bytes, mean_joint_cm, costs })
 }
 
-fn cost(core: Core, image: &[u8], method: Method, stored: usize, measured: &Measured) -> Result<Cost> {
-    let memory = Memory::of(image)?;
+fn cost(core: Core, image: &LoadedImage, method: Method, stored: usize, measured: &Measured) -> Result<Cost> {
+    let memory = Memory::of(&image.elf)?;
     let stack = match method {
         Method::Qmd { .. } | Method::Mclip { .. } => measured.stack_bytes,
         Method::Int16 { .. } => measured.frame_stack_bytes,

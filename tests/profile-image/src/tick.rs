@@ -1,12 +1,13 @@
-//! Plays the linked-in clip on the servos of the linked-in map: a Sync Write packet a tick, which nobody gets.
+//! Plays a clip on the servos of a joint map: a Sync Write packet a tick, which nobody gets.
 //!
 //! As in `decode`, cycles are counted from outside; `decode_frame` here is a whole tick of a machine that plays.
 #![no_std]
 #![no_main]
 
 mod ends;
-#[cfg_attr(mclip, path = "store_mclip.rs")]
-#[cfg_attr(not(mclip), path = "store_qmd.rs")]
+mod loaded;
+#[cfg_attr(feature = "mclip", path = "store_mclip.rs")]
+#[cfg_attr(not(feature = "mclip"), path = "store_qmd.rs")]
 mod store;
 
 use core::hint::black_box;
@@ -16,30 +17,32 @@ use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use firmware::library::Single;
 use firmware::machine::{After, Machine, Rehearsal, Show, Start, State};
 use firmware::map::{JointMap, MAX_SERVOS};
-use store::{Decoder, Memory};
+use loaded::File;
+use store::Decoder;
 
-static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
+/// The joint map.
+#[unsafe(no_mangle)]
+static MAP: File = File::NONE;
 
-/// The machine, its servos, and memory for a packet.
-struct Stage {
+/// A machine that plays, its servos, and memory for a packet.
+struct Puppet {
     machine: Machine<'static, Single<Decoder>, MAX_SERVOS>,
     servos: Rehearsal<MAX_SERVOS>,
     packet: [u8; goal_positions_len(MAX_SERVOS)],
 }
 
 /// Ticks that it may take to the first pose: more than a minute at the highest rate.
-const PATIENCE: u32 = 100_000;
+const TICKS_TO_FIRST_POSE: u32 = 100_000;
 
 #[entry]
 fn main() -> ! {
-    static mut MEMORY: Memory = Memory::EMPTY;
     static mut JOINTS: Option<JointMap<MAX_SERVOS>> = None;
-    static mut STAGE: Option<Stage> = None;
-    if open(STAGE, JOINTS, MEMORY).is_none() {
+    static mut PUPPET: Option<Puppet> = None;
+    if open(PUPPET, JOINTS).is_none() {
         failed();
     }
-    let Some(stage) = STAGE else { failed() };
-    while let Some(packet) = decode_frame(stage) {
+    let Some(puppet) = PUPPET else { failed() };
+    while let Some(packet) = decode_frame(puppet) {
         black_box(packet);
     }
     finished()
@@ -47,31 +50,27 @@ fn main() -> ! {
 
 #[inline(never)]
 #[unsafe(no_mangle)]
-fn open(
-    stage: &mut Option<Stage>,
-    joints: &'static mut Option<JointMap<MAX_SERVOS>>,
-    memory: &'static mut Memory,
-) -> Option<()> {
-    let map: &'static JointMap<MAX_SERVOS> = joints.insert(JointMap::parse(black_box(MAP)).ok()?);
-    let (decoder, rate_centihertz) = store::decoder(memory).ok()?;
+fn open(puppet: &mut Option<Puppet>, joints: &'static mut Option<JointMap<MAX_SERVOS>>) -> Option<()> {
+    let map: &'static JointMap<MAX_SERVOS> = joints.insert(JointMap::parse(MAP.bytes()).ok()?);
+    let (decoder, rate_centihertz) = store::decoder().ok()?;
     let library = Single::new(decoder, Some(rate_centihertz));
     let show = Show { playlist: &[0], after: After::Hold, ..Show::default() };
     let mut machine = Machine::new(map, library, show, Start::Power);
     let mut servos = Rehearsal::new(&machine);
-    if !servos.until_it_plays(&mut machine, PATIENCE) {
+    if !servos.until_it_plays(&mut machine, TICKS_TO_FIRST_POSE) {
         return None;
     }
-    *stage = Some(Stage { machine, servos, packet: [0; goal_positions_len(MAX_SERVOS)] });
+    *puppet = Some(Puppet { machine, servos, packet: [0; goal_positions_len(MAX_SERVOS)] });
     Some(())
 }
 
 /// What is measured: look at the servos, decode, interpolate, blend, limit, and write the packet.
 #[inline(never)]
 #[unsafe(no_mangle)]
-fn decode_frame(stage: &mut Stage) -> Option<&[u8]> {
-    if stage.machine.state() != State::Playing {
+fn decode_frame(puppet: &mut Puppet) -> Option<&[u8]> {
+    if puppet.machine.state() != State::Playing {
         return None;
     }
-    let goals = stage.servos.tick(&mut stage.machine);
-    goal_positions(&mut stage.packet, goals).ok()
+    let goals = puppet.servos.tick(&mut puppet.machine);
+    goal_positions(&mut puppet.packet, goals).ok()
 }
