@@ -1,6 +1,6 @@
 //! Bytes against cycles, a point for every method.
 
-use super::Entry;
+use super::compare::Entry;
 use anyhow::{Result, anyhow};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};

@@ -6,6 +6,7 @@
 #![no_main]
 
 mod ends;
+mod lend;
 mod loaded;
 
 use core::hint::black_box;
@@ -13,7 +14,8 @@ use cortex_m_rt::entry;
 use decoder_core::qmd::{Clip, Decoder};
 use decoder_core::{Error, I16F16, Limits};
 use ends::{failed, finished};
-use loaded::{File, Number, lend};
+use lend::lend;
+use loaded::{File, Number};
 
 /// The clip.
 #[unsafe(no_mangle)]

@@ -3,6 +3,7 @@
 #![no_main]
 
 mod ends;
+mod lend;
 mod loaded;
 mod mclip_memory;
 

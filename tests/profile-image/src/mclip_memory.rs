@@ -1,6 +1,7 @@
 //! The .mclip that was loaded, and memory for its decoder.
 
-use crate::loaded::{File, Number, lend};
+use crate::lend::lend;
+use crate::loaded::{File, Number};
 use decoder_core::I16F16;
 use decoder_core::mclip::{Memory, State};
 use decoder_core::predict::Correlation;

@@ -1,6 +1,7 @@
 //! The decoder of a .qmd that was loaded.
 
-use crate::loaded::{File, Number, lend};
+use crate::lend::lend;
+use crate::loaded::{File, Number};
 use decoder_core::{Error, I16F16, Limits, qmd};
 
 /// The clip.

@@ -5,6 +5,7 @@
 #![no_main]
 
 mod ends;
+mod lend;
 mod loaded;
 #[cfg_attr(feature = "mclip", path = "store_mclip.rs")]
 #[cfg_attr(not(feature = "mclip"), path = "store_qmd.rs")]
