@@ -195,8 +195,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         },
     };
     if let Some(path) = &args.html {
-        let mut page = String::new();
-        html::write(&mut page, &report)?;
+        let page = html::report_page(&report);
         files::write(path, |file| Ok(file.write_all(page.as_bytes())?))?;
     }
     if args.json {

@@ -6,12 +6,12 @@ use clap::ValueEnum;
 use encoder::import;
 use encoder::mclip::{Encoder, Settings, Target, decode};
 use encoder::metrics::{self, Evaluator};
-use host_sim::rd::chart::Chart;
+use host_sim::plot::chart::Chart;
 use host_sim::rd::curve::Curve;
 use host_sim::rd::figure::{self, Figure};
 use host_sim::rd::sweep::{self, Point};
 use host_sim::rd::{self, Named, trace};
-use host_sim::{files, picture};
+use host_sim::{files, plot::png};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -342,7 +342,7 @@ fn draw(args: &Args, chart: impl Fn() -> Chart) -> Result<()> {
         files::write(path, |file| Ok(file.write_all(svg.as_bytes())?))?;
     }
     if let Some(path) = &args.png {
-        let png = picture::png(&svg)?;
+        let png = png::of_svg(&svg)?;
         files::write(path, |file| Ok(file.write_all(&png)?))?;
     }
     Ok(())

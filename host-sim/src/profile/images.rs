@@ -27,7 +27,8 @@ pub fn images(clip: &[u8], targets: &[&str], lent: bool) -> Result<Vec<LoadedIma
     if is_mclip(clip) {
         return mclip_images(clip, targets, false);
     }
-    load(Image { targets, ..DECODE }, &[("CLIP", clip)], &sizes(clip, lent)?)
+    let features = if lent { "all" } else { "all,no-table" };
+    load(Image { features, targets, ..DECODE }, &[("CLIP", clip)], &sizes(clip, lent)?)
 }
 
 /// The image that decodes `clip`, a .mclip, for each of Rust's `targets`. Its blocks are checked all before the first
@@ -56,7 +57,11 @@ pub fn prefix_images(targets: &[&str]) -> Result<Vec<LoadedImage>> {
 /// # Errors
 /// As [`images`].
 pub fn tick_images(clip: &[u8], map: &[u8], targets: &[&str], lent: bool) -> Result<Vec<LoadedImage>> {
-    let features = if is_mclip(clip) { "tick,mclip,all" } else { "tick,all" };
+    let features = match (is_mclip(clip), lent) {
+        (true, _) => "tick,mclip,all",
+        (false, true) => "tick,all",
+        (false, false) => "tick,all,no-table",
+    };
     load(
         Image { binary: "tick", features, targets, ..DECODE },
         &[("CLIP", clip), ("MAP", map)],
@@ -97,7 +102,8 @@ fn sizes(clip: &[u8], lent: bool) -> Result<Vec<(&'static str, u32)>> {
         vec![("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)]
     } else {
         let clip = qmd::Clip::parse(clip, Limits::MAX)?;
-        vec![("CHANNELS", clip.channels()), ("TABLE", if lent { clip.table_len() } else { 0 })]
+        let table = lent.then(|| ("TABLE", clip.table_len()));
+        [("CHANNELS", clip.channels())].into_iter().chain(table).collect()
     };
     sizes.into_iter().map(|(name, size)| Ok((name, u32::try_from(size)?))).collect()
 }

@@ -1,7 +1,8 @@
 //! Runs a bare image on the simulator, frame by frame.
 
-use super::flame::Node;
+use super::flame;
 use super::loaded::LoadedImage;
+use crate::plot::flame::Node;
 use crate::thumb::{Board, Core, Image, Machine, Region, SelfCycles, Stop};
 use anyhow::{Context, Result, anyhow, bail};
 use std::time::{Duration, Instant};
@@ -131,7 +132,7 @@ impl Runner {
         // Frames are called by the host, on the first path.
         let frame = paths.iter().position(|path| path.parent == Some(0)).unwrap_or(0);
         let mut measured = self.measured;
-        measured.flame = Node::of(&paths, frame);
+        measured.flame = flame::tree(&paths, frame);
         measured.functions = self.machine.functions();
         measured.frame_stack_bytes = usage.stack;
         measured.stack_bytes = measured.stack_bytes.max(depth + usage.stack);

@@ -8,14 +8,13 @@
 pub mod baseline;
 pub mod elf;
 mod expect;
-pub mod flame;
+mod flame;
 pub mod html;
 mod images;
 pub mod loaded;
 pub mod measure;
 pub mod parts;
 pub mod report;
-pub(crate) mod svg;
 pub mod wearable;
 
 pub use expect::{frames, ticks};

@@ -1,10 +1,10 @@
 //! What `bunraku profile` reports of a clip, core by core.
 
 use super::elf::{Memory, Section};
-use super::flame::Node;
 use super::loaded::LoadedImage;
 use super::measure::Measured;
 use super::parts::Energy;
+use crate::plot::flame::Node;
 use crate::thumb::Core;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};

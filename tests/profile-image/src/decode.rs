@@ -48,7 +48,7 @@ fn open<'s>(
     pose: &'s mut [I16F16],
     words: &'s mut [i32],
 ) -> Result<Decoder<'static, 's>, Error> {
-    let table = if words.is_empty() { None } else { Some(words) };
+    let table = if cfg!(feature = "no-table") { None } else { Some(words) };
     Clip::parse(bytes, Limits::MAX)?.decoder(pose, table)
 }
 

@@ -21,7 +21,6 @@ pub type Decoder = qmd::Decoder<'static, 'static>;
 /// The decoder, and the clip's rate in hundredths of a frame per second.
 pub fn decoder() -> Result<(Decoder, u16), Error> {
     let clip = qmd::Clip::parse(CLIP.bytes(), Limits::MAX)?;
-    let words = lend(TABLE.elements(), 0);
-    let table = if words.is_empty() { None } else { Some(words) };
+    let table = if cfg!(feature = "no-table") { None } else { Some(lend(TABLE.elements(), 0)) };
     Ok((clip.decoder(lend(CHANNELS.elements(), I16F16::ZERO), table)?, clip.rate_centihertz()))
 }
