@@ -7,8 +7,8 @@ use crate::puppet::{self, Map};
 use crate::servos::pins::PWM_PINS;
 use anyhow::{Result, anyhow, bail};
 use firmware::map::BusKind;
-use firmware::pwm::Timing;
 use serde::Serialize;
+use servo_wire::pwm::Timing;
 
 /// QEMU's name of the board `qemu-mps2`.
 pub const QEMU_MACHINE: &str = "mps2-an386";
@@ -278,7 +278,7 @@ mod tests {
                 );
             }
             let puppet = puppet::Puppet::parse(std::path::Path::new("puppet.toml"), text).unwrap();
-            puppet.map(&encoder::sample::clip().skeleton).unwrap()
+            puppet.map(&mocap::sample::clip().skeleton).unwrap()
         };
         let refused = |board: &Board, buses: &[(&str, u32)], id| {
             board.has_buses_of(&puppet(buses, id)).map_err(|error| error.to_string())

@@ -12,8 +12,8 @@ use crate::thumb::Core;
 use anyhow::{Context, Result, bail};
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::mclip::{Encoder, Quality, Settings, Target};
-use encoder::metrics::Evaluator;
 use encoder::qmd::{self, Parameters, Source};
+use mocap::metrics::Evaluator;
 use serde::Serialize;
 use std::path::Path;
 
@@ -69,7 +69,7 @@ impl Blocks {
     }
 
     /// Encodes; `fine` is the error of int16 in cm.
-    fn encode(self, clip: &encoder::Clip, fine: f64, evaluator: &Evaluator) -> Result<Vec<u8>> {
+    fn encode(self, clip: &mocap::Clip, fine: f64, evaluator: &Evaluator) -> Result<Vec<u8>> {
         let (codec, entropy) = match self {
             Self::DpcmFixed => (CodecId::Dpcm, EntropyId::FixedWidth),
             Self::DpcmHuffman | Self::DpcmCoarse => (CodecId::Dpcm, EntropyId::Huffman),
@@ -151,7 +151,7 @@ pub struct Entry {
 
 /// A motion to be stored in every way, and the players of what other crates have packed.
 pub struct Comparison<'c> {
-    clip: &'c encoder::Clip,
+    clip: &'c mocap::Clip,
     evaluator: Evaluator,
     /// The motion as int16.
     stored: Quantised,
@@ -166,7 +166,7 @@ impl<'c> Comparison<'c> {
     ///
     /// # Errors
     /// A sentence that says what could not be stored or built.
-    pub fn new(clip: &'c encoder::Clip, cores: &'c [Core]) -> Result<Self> {
+    pub fn new(clip: &'c mocap::Clip, cores: &'c [Core]) -> Result<Self> {
         let mut targets: Vec<&str> = cores.iter().map(|core| core.target()).collect();
         targets.sort_unstable();
         targets.dedup();

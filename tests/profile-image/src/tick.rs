@@ -14,21 +14,21 @@ mod store;
 use core::hint::black_box;
 use cortex_m_rt::entry;
 use ends::{failed, finished};
-use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
-use firmware::library::Single;
-use firmware::machine::{After, Machine, Rehearsal, Show, Start, State};
+use firmware::decoder_list::SingleClip;
+use firmware::machine::{After, IdealServos, Machine, Show, Start, State};
 use firmware::map::{JointMap, MAX_SERVOS};
 use loaded::File;
+use servo_wire::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use store::Decoder;
 
 /// The joint map.
 #[unsafe(no_mangle)]
 static MAP: File = File::NONE;
 
-/// A machine that plays, its servos, and memory for a packet.
-struct Puppet {
-    machine: Machine<'static, Single<Decoder>, MAX_SERVOS>,
-    servos: Rehearsal<MAX_SERVOS>,
+/// The machine, its servos, and memory for a packet.
+struct Rehearsal {
+    machine: Machine<'static, SingleClip<Decoder>, MAX_SERVOS>,
+    servos: IdealServos<MAX_SERVOS>,
     packet: [u8; goal_positions_len(MAX_SERVOS)],
 }
 
@@ -38,12 +38,12 @@ const TICKS_TO_FIRST_POSE: u32 = 100_000;
 #[entry]
 fn main() -> ! {
     static mut JOINTS: Option<JointMap<MAX_SERVOS>> = None;
-    static mut PUPPET: Option<Puppet> = None;
-    if open(PUPPET, JOINTS).is_none() {
+    static mut REHEARSAL: Option<Rehearsal> = None;
+    if open(REHEARSAL, JOINTS).is_none() {
         failed();
     }
-    let Some(puppet) = PUPPET else { failed() };
-    while let Some(packet) = decode_frame(puppet) {
+    let Some(rehearsal) = REHEARSAL else { failed() };
+    while let Some(packet) = decode_frame(rehearsal) {
         black_box(packet);
     }
     finished()
@@ -51,27 +51,27 @@ fn main() -> ! {
 
 #[inline(never)]
 #[unsafe(no_mangle)]
-fn open(puppet: &mut Option<Puppet>, joints: &'static mut Option<JointMap<MAX_SERVOS>>) -> Option<()> {
+fn open(rehearsal: &mut Option<Rehearsal>, joints: &'static mut Option<JointMap<MAX_SERVOS>>) -> Option<()> {
     let map: &'static JointMap<MAX_SERVOS> = joints.insert(JointMap::parse(MAP.bytes()).ok()?);
     let (decoder, rate_centihertz) = store::decoder().ok()?;
-    let library = Single::new(decoder, Some(rate_centihertz));
+    let library = SingleClip::new(decoder, Some(rate_centihertz));
     let show = Show { playlist: &[0], after: After::Hold, ..Show::default() };
     let mut machine = Machine::new(map, library, show, Start::Power);
-    let mut servos = Rehearsal::new(&machine);
+    let mut servos = IdealServos::new(&machine);
     if !servos.until_it_plays(&mut machine, TICKS_TO_FIRST_POSE) {
         return None;
     }
-    *puppet = Some(Puppet { machine, servos, packet: [0; goal_positions_len(MAX_SERVOS)] });
+    *rehearsal = Some(Rehearsal { machine, servos, packet: [0; goal_positions_len(MAX_SERVOS)] });
     Some(())
 }
 
 /// What is measured: look at the servos, decode, interpolate, blend, limit, and write the packet.
 #[inline(never)]
 #[unsafe(no_mangle)]
-fn decode_frame(puppet: &mut Puppet) -> Option<&[u8]> {
-    if puppet.machine.state() != State::Playing {
+fn decode_frame(rehearsal: &mut Rehearsal) -> Option<&[u8]> {
+    if rehearsal.machine.state() != State::Playing {
         return None;
     }
-    let goals = puppet.servos.tick(&mut puppet.machine);
-    goal_positions(&mut puppet.packet, goals).ok()
+    let goals = rehearsal.servos.tick(&mut rehearsal.machine);
+    goal_positions(&mut rehearsal.packet, goals).ok()
 }
