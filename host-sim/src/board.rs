@@ -3,11 +3,11 @@
 use crate::image::Image;
 use crate::ports;
 use crate::profile::elf::Memory;
-use crate::puppet::{self, Map};
 use crate::servos::pins::PWM_PINS;
 use anyhow::{Result, anyhow, bail};
 use firmware::map::BusKind;
 use firmware::pwm::Timing;
+use puppet_file::{Map, to_bytes};
 use serde::Serialize;
 
 /// QEMU's name of the board `qemu-mps2`.
@@ -124,10 +124,7 @@ impl Board {
             features: "",
             targets: &[self.target],
             folder: "play",
-            files: &[
-                ("BUNRAKU_CLIP", "clip", clip),
-                ("BUNRAKU_MAP", "map.postcard", &puppet::to_bytes(map)?),
-            ],
+            files: &[("BUNRAKU_CLIP", "clip", clip), ("BUNRAKU_MAP", "map.postcard", &to_bytes(map))],
             variables: &[("BUNRAKU_CENTIHERTZ", &centihertz.to_string()), ("DEFMT_LOG", "info")],
         };
         Ok(image.build()?.concat())
@@ -277,7 +274,7 @@ mod tests {
                      max_speed = 100\n"
                 );
             }
-            let puppet = puppet::Puppet::parse(std::path::Path::new("puppet.toml"), text).unwrap();
+            let puppet = puppet_file::Puppet::parse(std::path::Path::new("puppet.toml"), text).unwrap();
             puppet.map(&encoder::sample::clip().skeleton).unwrap()
         };
         let refused = |board: &Board, buses: &[(&str, u32)], id| {

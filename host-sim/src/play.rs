@@ -4,7 +4,6 @@
 use crate::board;
 use crate::clip::Clip;
 use crate::files;
-use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
 use crate::rp2040js;
@@ -24,6 +23,7 @@ use firmware::machine::{Machine as Puppet, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::stage::Library;
 use firmware::voice::{Frames, Voice};
+use puppet_file::Map;
 use std::cell::RefCell;
 use std::future::Future;
 use std::io;
@@ -275,8 +275,8 @@ pub fn seconds(micros: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::puppet::Puppet;
     use encoder::qmd::{Method, Parameters, decode, encode};
+    use puppet_file::Puppet;
     use std::path::Path;
 
     fn sample() -> (Vec<u8>, Map, encoder::Clip) {

@@ -6,12 +6,12 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, require_program, require_target, vectors, workspace};
-use host_sim::puppet::{Puppet, to_bytes};
 use host_sim::thumb::decode::{decode, is_wide};
 use host_sim::thumb::insn::{Arch, Class, Index, Insn, Op, Src};
 use host_sim::thumb::{Board, Core, Cpu, Image, Machine, Region, Stop};
 use host_sim::{board, profile};
 use object::{Object, ObjectSection, ObjectSymbol, SectionKind};
+use puppet_file::{Puppet, to_bytes};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::fs;

@@ -3,7 +3,8 @@
 use anyhow::{Context, Result, bail};
 use encoder::export;
 use encoder::import::{self, amc};
-use host_sim::{files, puppet};
+use host_sim::files;
+use host_sim::puppet::channels;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -35,7 +36,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let bytes = files::read(&args.clip)?;
     let mut motion = super::input::decode(&args.clip, &bytes)?;
     let found = motion.channels;
-    motion = puppet::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
+    motion = channels::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
     if let Some(fps) = args.fps {
         motion.fps = fps;
     } else if motion.fps == 0.0 {

@@ -5,7 +5,6 @@ mod lines;
 pub use lines::{Lines, Listener};
 
 use crate::flash::Flash;
-use crate::puppet::Map;
 use crate::servos::line::{Instantly, Line};
 use crate::servos::{Bus, BusConfig, ServoConfig};
 use anyhow::{Context, Result, anyhow, bail};
@@ -22,6 +21,7 @@ use firmware::machine::{Machine, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
+use puppet_file::Map;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 

@@ -1,13 +1,13 @@
 //! Virtual servos on a line, and what they are told.
 
 use super::{Recording, Taken, seconds};
-use crate::puppet::Map;
 use crate::servos::pins::Pins;
 use crate::servos::{Bus, BusConfig, ConfigError, Deed, Event, ServoConfig};
 use anyhow::{Result, bail};
 use firmware::dynamixel::table::GOAL_POSITION;
 use firmware::dynamixel::{Framer, Instruction, Packet};
 use firmware::map::{BusKind, Joint};
+use puppet_file::Map;
 
 /// Longest packet of a player with 32 servos.
 const LONGEST: usize = 640;

@@ -1,7 +1,6 @@
 //! The servo bus of any protocol on a serial port.
 
 use super::serial::{RealTime, Serial};
-use crate::puppet::Map;
 use anyhow::{Result, bail};
 use firmware::blender::BlenderBus;
 use firmware::bus::port::{Automatic, Line, Port};
@@ -11,6 +10,7 @@ use firmware::feetech::{FeetechBus, Series};
 use firmware::map::{BusKind, BusSpec, MAX_BUSES};
 use firmware::protocol1::Protocol1Bus;
 use firmware::{dynamixel, protocol1};
+use puppet_file::Map;
 
 /// What a USB adapter and an operating system may be late, in microseconds: 16 ms are the usual latency timer.
 pub const SLACK_US: u32 = 20_000;

@@ -2,7 +2,6 @@
 
 use super::serial::{run, until};
 use crate::play::{Recording, Taken};
-use crate::puppet::Map;
 use anyhow::{Result, bail};
 use firmware::bus::{BusError, Goal, Reading, ServoBus};
 use firmware::drive::{Surroundings, drive};
@@ -13,6 +12,7 @@ use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
 use firmware::stage::Library;
 use firmware::voice::{Frames, Voice};
+use puppet_file::Map;
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::Receiver;

@@ -2,13 +2,13 @@
 
 use super::measure::Expected;
 use crate::clip::Clip;
-use crate::puppet::Map;
 use anyhow::{Result, bail};
 use decoder_core::I16F16;
 use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use firmware::library::Single;
 use firmware::machine::{After, Machine, Rehearsal, Show, Start, State};
 use firmware::map::MAX_SERVOS;
+use puppet_file::Map;
 
 /// The frames of a clip.
 ///

@@ -5,11 +5,11 @@
 
 use super::measure;
 use crate::clip::Clip;
-use crate::puppet::{self, Map};
 use crate::thumb::{Core, Image, Machine, Stop};
 use anyhow::{Context, Result, anyhow, bail};
 use firmware::clock::{Clock, MAX_TICK_HZ, Speed};
 use firmware::wearable::Wearable;
+use puppet_file::{Map, to_bytes};
 
 /// Most that SysTick counts to.
 const MOST_RELOAD: u32 = 1 << 24;
@@ -64,7 +64,7 @@ pub fn wear(
     }
     let expected = levels(clip, map, output_hz)?;
     let core = Core::M4;
-    let elf = super::wearable_image(bytes, &puppet::to_bytes(map)?, core.target(), output_hz, clock_hz)?;
+    let elf = super::wearable_image(bytes, &to_bytes(map), core.target(), output_hz, clock_hz)?;
     let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
     let mut machine =
         Machine::new(core, &measure::board(wait_states), &image).map_err(|error| anyhow!(error))?;

@@ -1,12 +1,12 @@
 //! What a tick costs on the wires: bytes, time, and the tick rate that leaves.
 
-use super::{Map, Puppet};
 use firmware::blender::FRAME_LEN;
 use firmware::dynamixel::packet::OVERHEAD as OVERHEAD_2;
 use firmware::feetech::{self, Series};
 use firmware::map::BusKind;
 use firmware::protocol1::packet::OVERHEAD as OVERHEAD_1;
 use firmware::{dynamixel, protocol1};
+use puppet_file::{Map, Puppet};
 use serde::Serialize;
 
 /// A tick on one bus. Bytes are those without stuffing, which adds one wherever goals or ids hold `FF FF FD`.

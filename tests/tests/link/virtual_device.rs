@@ -2,7 +2,7 @@
 
 use encoder::skeleton::Skeleton;
 use host_sim::device::{Config, Listener, run};
-use host_sim::puppet::{Map, Puppet};
+use puppet_file::{Map, Puppet};
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::Path;

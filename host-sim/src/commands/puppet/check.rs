@@ -7,8 +7,9 @@ use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::ports;
 use host_sim::puppet::budget::{BusTime, bus_times};
+use host_sim::puppet::channels;
 use host_sim::puppet::rehearse::{Demand, rehearse};
-use host_sim::puppet::{Channels, Map, Puppet};
+use puppet_file::{Channels, Map, Puppet};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -74,8 +75,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
         _ => None,
     };
     let channels = match &clip {
-        Some((path, clip)) => Channels::of_played(path, clip, &puppet, args.skeleton)?,
-        None => Channels::of_clips(&puppet, args.skeleton)?,
+        Some((path, clip)) => channels::of_played(path, clip, &puppet, args.skeleton)?,
+        None => channels::of_clips(&puppet, args.skeleton)?,
     };
     let map = match puppet.check(channels.clone()) {
         Ok(map) => map,
@@ -116,7 +117,7 @@ fn report<'a>(
     let hz = f64::from(map.tick_hz());
     let joint = |(index, joint): (usize, &Joint)| {
         let channel = channels.name(joint.channel.into());
-        let turns = channels.find(channel).is_some_and(|(_, kind)| kind.is_rotation());
+        let turns = channels.find(channel).is_ok_and(|(_, kind)| kind.is_rotation());
         let scale = joint.scale.to_num::<f64>();
         let value = |goal: i32| f64::from(goal - joint.zero) / scale;
         let (one, other) = (value(joint.min), value(joint.max));

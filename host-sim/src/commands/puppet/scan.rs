@@ -6,7 +6,7 @@ use firmware::bus::{
 };
 use firmware::map::{BusKind, BusSpec};
 use host_sim::ports::{self, Identity, SerialBus};
-use host_sim::puppet::{Named, Puppet, models};
+use puppet_file::{NamedServo, Puppet, models};
 use serde::Serialize;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -71,7 +71,7 @@ struct Wanted {
     spec: BusSpec,
     path: String,
     bauds: Vec<u32>,
-    servos: Vec<Named>,
+    servos: Vec<NamedServo>,
 }
 
 #[derive(Serialize)]
@@ -124,7 +124,7 @@ fn wanted(args: &Args) -> Result<Vec<Wanted>> {
         return Ok(vec![Wanted { spec, path: args.on.clone(), bauds, servos: Vec::new() }]);
     };
     let puppet = Puppet::read(path)?;
-    let (specs, servos) = (puppet.bus_specs()?, puppet.servos()?);
+    let (specs, servos) = (puppet.buses()?, puppet.servos()?);
     let readable: Vec<usize> = (0..specs.len()).filter(|&index| specs[index].kind.reads()).collect();
     if readable.is_empty() {
         bail!("{} has no bus whose servos can be read", path.display());
