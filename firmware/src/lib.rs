@@ -21,6 +21,7 @@ pub mod limits;
 pub mod link;
 pub mod machine;
 pub mod map;
+pub mod numbered;
 pub mod pca9685;
 pub mod protocol1;
 pub mod pwm;

@@ -1,7 +1,6 @@
 //! The boards that this workspace has firmware for, and their images with a clip and a joint map in them.
 
 use crate::image::Image;
-use crate::ports;
 use crate::profile::elf::Memory;
 use crate::servos::pins::PWM_PINS;
 use anyhow::{Result, anyhow, bail};
@@ -136,7 +135,7 @@ impl Board {
     /// A sentence about the first bus or servo that does not.
     fn has_buses_of(&self, map: &Map) -> Result<()> {
         for (index, bus) in map.buses().iter().enumerate() {
-            let (kind, has) = (ports::name(bus.kind), self.buses.iter().map(|kind| ports::name(*kind)));
+            let (kind, has) = (bus.kind.name(), self.buses.iter().map(|kind| kind.name()));
             if !self.buses.contains(&bus.kind) {
                 bail!(
                     "this board has no bus of the kind \"{kind}\", only {}",

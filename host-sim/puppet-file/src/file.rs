@@ -1,5 +1,6 @@
 //! The keys of puppet.toml and the types of their values; [`Puppet`](crate::puppet::Puppet) says what they mean.
 
+use crate::bus_kind::bus_kind;
 use crate::models::Model;
 use firmware::map::BusKind;
 use serde::Deserialize;
@@ -44,6 +45,7 @@ pub(crate) enum OnFault {
 #[serde(deny_unknown_fields)]
 pub(crate) struct BusEntry {
     pub(crate) name: Spanned<String>,
+    #[serde(deserialize_with = "bus_kind")]
     pub(crate) kind: BusKind,
     pub(crate) baud: Spanned<u32>,
 }

@@ -85,6 +85,7 @@
 
 #![forbid(unsafe_code)]
 
+mod bus_kind;
 mod channels;
 mod error;
 mod file;
@@ -94,6 +95,7 @@ pub mod models;
 mod place;
 mod puppet;
 
+pub use bus_kind::bus_kind;
 pub use channels::{Channels, MissingChannel, Owner};
 pub use error::{Error, Problem};
 pub use joint::goal_range;

@@ -201,19 +201,6 @@ impl ServoBus for SerialBus {
     }
 }
 
-/// A kind of bus as puppet.toml names it.
-pub const fn name(kind: BusKind) -> &'static str {
-    match kind {
-        BusKind::Dynamixel => "dynamixel",
-        BusKind::Dynamixel1 => "dynamixel1",
-        BusKind::Sts => "sts",
-        BusKind::Scs => "scs",
-        BusKind::Pwm => "pwm",
-        BusKind::Pca9685 => "pca9685",
-        BusKind::Blender => "blender",
-    }
-}
-
 /// Which port each of those buses of a puppet is on that are `wanted`: `PORT`, or `NAME=PORT,NAME=PORT` for several. Ports of others
 /// may be named.
 ///

@@ -20,6 +20,7 @@ struct Puppet {
 #[derive(Deserialize)]
 struct Named {
     name: String,
+    #[serde(deserialize_with = "puppet_file::bus_kind")]
     kind: BusKind,
 }
 

@@ -5,7 +5,6 @@ use firmware::limits::FINE_BITS;
 use firmware::map::Joint;
 use host_sim::clip::Clip;
 use host_sim::files;
-use host_sim::ports;
 use host_sim::puppet::budget::{BusTime, bus_times};
 use host_sim::puppet::channels;
 use host_sim::puppet::rehearse::{Demand, rehearse};
@@ -174,7 +173,7 @@ fn print(report: &Report<'_>, clip: &Option<PathBuf>) {
     println!();
     for bus in buses {
         let BusTime { name, baud, servos, goal_bytes, question_bytes, answer_bytes, .. } = bus;
-        let kind = ports::name(bus.kind);
+        let kind = bus.kind.name();
         if bus.micros == 0.0 {
             println!("{name} ({kind}): {servos} servos, {baud} pulses a second");
             continue;

@@ -59,10 +59,9 @@ impl FromStr for Ids {
 
 fn kind(text: &str) -> Result<BusKind, String> {
     let kinds = [BusKind::Dynamixel, BusKind::Dynamixel1, BusKind::Sts, BusKind::Scs];
-    let names = kinds.map(ports::name).join(", ");
-    kinds
-        .into_iter()
-        .find(|&kind| ports::name(kind) == text)
+    let names = kinds.map(BusKind::name).join(", ");
+    BusKind::from_name(text)
+        .filter(|kind| kinds.contains(kind))
         .ok_or_else(|| format!("expected one of {names}"))
 }
 
@@ -172,7 +171,7 @@ fn look(bus: &mut SerialBus, wanted: &Wanted, baud: u32, id: u8, identity: Ident
     let joint = wanted.servos.iter().find(|servo| servo.id == id).map(|servo| servo.name.clone());
     Found {
         port: wanted.path.clone(),
-        kind: ports::name(wanted.spec.kind),
+        kind: wanted.spec.kind.name(),
         baud,
         id,
         joint,
