@@ -554,7 +554,7 @@ fn images(core: Core) -> Vec<Vec<u8>> {
     }
     for lent in [false, true] {
         images.extend(profile::images(&clip, &[target], lent).unwrap());
-        images.extend(profile::tick_images(&clip, &to_bytes(&map).unwrap(), &[target], lent).unwrap());
+        images.extend(profile::tick_images(&clip, &to_bytes(&map), &[target], lent).unwrap());
     }
     if core == Core::M4 {
         images.push(board::QEMU_MPS2.build(&clip, &map, 0).unwrap());

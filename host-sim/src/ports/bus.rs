@@ -52,7 +52,7 @@ impl SerialBus {
     pub fn open(spec: BusSpec, path: &str) -> Result<Self> {
         let BusSpec { kind, baud } = spec;
         if matches!(kind, BusKind::Pwm | BusKind::Pca9685) {
-            bail!("servos on {} hang on a board's pins, not on a serial port", name(kind));
+            bail!("servos on {} hang on a board's pins, not on a serial port", kind.name());
         }
         let serial = Serial::open(path, baud)?;
         if kind == BusKind::Blender {

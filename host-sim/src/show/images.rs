@@ -2,7 +2,6 @@
 
 use super::file::Program;
 use crate::image::Image;
-use crate::puppet;
 use anyhow::Result;
 use firmware::machine::{After, Command};
 use firmware::script::Order;

@@ -4,7 +4,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use firmware::bus::{Reading, ServoBus};
 use firmware::map::BusSpec;
 use host_sim::ports::{self, SerialBus};
-use host_sim::puppet::calibrate::Measured;
+use host_sim::puppet::calibrate::{Measured, write_measured};
 use host_sim::puppet::channels;
 use puppet_file::{NamedServo, Puppet, goal_range};
 use std::io::{BufRead, IsTerminal, Write};
@@ -92,7 +92,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         measured.push(Measured { name: servo.name.clone(), zero, min, max });
     }
     if !measured.is_empty() {
-        puppet.write_measured(&measured)?;
+        write_measured(&puppet, &measured)?;
     }
     if args.json {
         let joints: Vec<_> = measured
