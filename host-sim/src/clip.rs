@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn both_containers_are_known_by_what_they_hold() {
-        let sample = encoder::sample::clip();
+        let sample = mocap::sample::clip();
         let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
         let mut mclip = encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Bits(8));
         let qmd = encoder::qmd::encode(&sample, Parameters::TABLE_1, Method::ClosedLoop).unwrap();

@@ -279,8 +279,8 @@ mod tests {
     use puppet_file::Puppet;
     use std::path::Path;
 
-    fn sample() -> (Vec<u8>, Map, encoder::Clip) {
-        let clip = encoder::sample::clip();
+    fn sample() -> (Vec<u8>, Map, mocap::Clip) {
+        let clip = mocap::sample::clip();
         let puppet = Path::new(env!("CARGO_MANIFEST_DIR")).join("../puppets/sample.toml");
         let map = Puppet::read(&puppet).unwrap().map(&clip.skeleton).unwrap();
         (encode(&clip, Parameters::TABLE_1, Method::ClosedLoop).unwrap(), map, clip)

@@ -3,12 +3,12 @@
 use crate::motion;
 use decoder_core::mclip::{self, CodecId, Prefix};
 use decoder_core::{I16F16, Limits};
-use encoder::Skeleton;
 use encoder::mclip::{self as encoders, Encoder, Lent, Quality};
 use firmware::clips::{Clips, Post, Worker, Workspace, decode};
 use firmware::store::Store;
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use host_sim::flash::Flash;
+use mocap::Skeleton;
 use std::path::Path;
 use std::pin::pin;
 
@@ -97,7 +97,7 @@ pub fn clips(most: usize, entries: f64) -> Option<Vec<Clip>> {
 fn clip(path: &Path, entries: f64) -> Clip {
     let name = path.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let skeleton = path.with_file_name(format!("{}.asf", name.split('_').next().unwrap_or_default()));
-    let loaded = encoder::import::load(path, Some(&skeleton), None);
+    let loaded = mocap::import::load(path, Some(&skeleton), None);
     let loaded = loaded.unwrap_or_else(|error| panic!("{error}"));
     let encoder = Encoder::new(&loaded.skeleton, &loaded.motion).unwrap_or_else(|error| panic!("{error}"));
     let entry_frames = (loaded.motion.fps / entries).round() as usize;

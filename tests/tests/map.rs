@@ -7,8 +7,8 @@ use firmware::clock::MAX_TICK_HZ;
 use firmware::dynamixel::MAX_ID;
 use firmware::limits::MAX_VELOCITY;
 use firmware::map::{
-    BusKind, BusSpec, GOAL_LIMIT, Idle, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy, Settings,
-    VERSION,
+    BusKind, BusSpec, GOAL_LIMIT, Idle, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy,
+    Settings, VERSION,
 };
 use puppet_file::{Map, Puppet, to_bytes};
 use std::fmt::Write;
@@ -62,8 +62,7 @@ fn the_pages_numbers_are_those_of_the_code() {
     assert_eq!(numbers("### kind"), found);
     let interpolation = |name| map(&format!("baud = 1\ninterpolation = '{name}'")).settings().interpolation;
     let curves = numbers("### interpolation");
-    let found: Vec<_> =
-        curves.iter().map(|(_, name)| (interpolation(name).number(), name.clone())).collect();
+    let found: Vec<_> = curves.iter().map(|(_, name)| (interpolation(name).number(), name.clone())).collect();
     assert_eq!((found.len(), found), (Interpolation::ALL.len(), curves));
     let policy = |name| map(&format!("baud = 1\non_fault = '{name}'")).settings().policy;
     let policies = numbers("### policy");
@@ -85,10 +84,8 @@ fn example() -> Map {
         servo_watchdog_millis: 200,
         channels: 31,
     };
-    let buses = [
-        BusSpec { kind: BusKind::Dynamixel, baud: 1_000_000 },
-        BusSpec { kind: BusKind::Pca9685, baud: 50 },
-    ];
+    let buses =
+        [BusSpec { kind: BusKind::Dynamixel, baud: 1_000_000 }, BusSpec { kind: BusKind::Pca9685, baud: 50 }];
     let elbow = Joint {
         channel: 9,
         bus: 0,
@@ -202,7 +199,7 @@ fn the_pages_fields_are_those_of_the_code() {
 fn puppets_keep_their_bytes() {
     for name in ["sample", "hobby", "sample-buses"] {
         let puppet = Puppet::read(&workspace().join("puppets").join(format!("{name}.toml"))).unwrap();
-        let bytes = puppet.map_bytes(&encoder::sample::clip().skeleton).unwrap();
+        let bytes = puppet.map_bytes(&mocap::sample::clip().skeleton).unwrap();
         let golden = vectors::folder().join(format!("{name}.map"));
         assert_eq!(bytes, fs::read(&golden).unwrap(), "{}", golden.display());
     }

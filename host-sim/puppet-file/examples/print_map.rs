@@ -50,7 +50,7 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
 
 fn channels(puppet: &Puppet, skeleton: Option<&Path>) -> Result<Channels, Box<dyn Error>> {
     match skeleton.map(Path::to_owned).or_else(|| puppet.skeleton()) {
-        Some(path) => Ok(Channels::from(&encoder::import::load_skeleton(&path)?)),
+        Some(path) => Ok(Channels::from(&mocap::import::load_skeleton(&path)?)),
         None => Ok(puppet.channels()?),
     }
 }

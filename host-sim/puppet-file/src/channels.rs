@@ -1,7 +1,7 @@
 //! The channels that a puppet's clips have: a column of their frames each.
 
 use core::fmt;
-use encoder::skeleton::{ChannelKind, Skeleton};
+use mocap::skeleton::{Dof, Skeleton};
 
 /// What has the channels, for what is told of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,11 +24,52 @@ impl fmt::Display for Owner {
     }
 }
 
+/// The unit of a channel's values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// Of a rotation: the degree.
+    Degree,
+    /// Of a translation and a bone's length: the centimetre.
+    Centimetre,
+}
+
+impl Unit {
+    /// The unit of rotations, or of all else.
+    #[must_use]
+    pub const fn of(is_rotation: bool) -> Self {
+        if is_rotation { Self::Degree } else { Self::Centimetre }
+    }
+
+    /// What stands behind a number: `°` or `cm`.
+    #[must_use]
+    pub const fn symbol(self) -> &'static str {
+        match self {
+            Self::Degree => "°",
+            Self::Centimetre => "cm",
+        }
+    }
+}
+
+impl From<Dof> for Unit {
+    fn from(dof: Dof) -> Self {
+        Self::of(dof.is_rotation())
+    }
+}
+
+impl fmt::Display for Unit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Degree => "degree",
+            Self::Centimetre => "cm",
+        })
+    }
+}
+
 /// The channels of a frame, in order, by their names.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channels {
     owner: Owner,
-    columns: Vec<(String, ChannelKind)>,
+    columns: Vec<(String, Unit)>,
     /// Joints without channels.
     still: Vec<String>,
 }
@@ -38,15 +79,19 @@ impl From<&Skeleton> for Channels {
         let still = skeleton.joints.iter().filter(|joint| joint.channels.is_empty());
         Self {
             owner: Owner::Skeleton,
-            columns: skeleton.channels.iter().map(|channel| (channel.name.clone(), channel.kind)).collect(),
+            columns: skeleton
+                .channels
+                .iter()
+                .map(|channel| (channel.name.clone(), channel.dof.into()))
+                .collect(),
             still: still.map(|joint| joint.name.clone()).collect(),
         }
     }
 }
 
 impl Channels {
-    /// Channels of these names, `joint.kind` each, in the order of a frame's columns.
-    pub fn new(owner: Owner, columns: impl IntoIterator<Item = (String, ChannelKind)>) -> Self {
+    /// Channels of these names, `joint.dof` each (`rradius.rx`), in the order of a frame's columns.
+    pub fn new(owner: Owner, columns: impl IntoIterator<Item = (String, Unit)>) -> Self {
         Self { owner, columns: columns.into_iter().collect(), still: Vec::new() }
     }
 
@@ -79,13 +124,13 @@ impl Channels {
         self.columns.iter().map(|(name, _)| name.as_str())
     }
 
-    /// The column of a channel, and what it moves.
+    /// The column of a channel, and the unit of its values.
     ///
     /// # Errors
     /// [`MissingChannel`], which says what there is instead.
-    pub fn find(&self, name: &str) -> Result<(usize, ChannelKind), MissingChannel> {
+    pub fn find(&self, name: &str) -> Result<(usize, Unit), MissingChannel> {
         let found = self.columns.iter().enumerate().find(|(_, (own, _))| own == name);
-        found.map(|(index, &(_, kind))| (index, kind)).ok_or_else(|| self.missing(name))
+        found.map(|(index, &(_, unit))| (index, unit)).ok_or_else(|| self.missing(name))
     }
 
     fn missing(&self, name: &str) -> MissingChannel {

@@ -1,6 +1,6 @@
 //! What can be wrong with a puppet.toml, in sentences.
 
-use crate::channels::MissingChannel;
+use crate::channels::{MissingChannel, Unit};
 use crate::models::UnknownModel;
 use crate::place::Place;
 use core::fmt;
@@ -132,7 +132,7 @@ pub enum Problem {
     Channel(#[from] MissingChannel),
     /// The name of a channel does not say what it moves.
     #[error("\"{name}\" is no channel, expected joint.rx, .ry, .rz, .tx, .ty, .tz or .l")]
-    ChannelKind {
+    Dof {
         /// The name.
         name: String,
     },
@@ -193,16 +193,16 @@ pub enum Problem {
         hz: f64,
         /// Least speed in the channel's unit.
         least: f64,
-        /// The channel's unit: degree or cm.
-        unit: &'static str,
+        /// The channel's unit.
+        unit: Unit,
     },
     /// The idle layer would add more than the joint's range.
     #[error("{found} {unit}s are more than the joint's range")]
     IdleBeyondRange {
         /// What it would add.
         found: f64,
-        /// The channel's unit: degree or cm.
-        unit: &'static str,
+        /// The channel's unit.
+        unit: Unit,
     },
     /// What the map's own check says.
     #[error(transparent)]

@@ -1,6 +1,6 @@
 //! A joint's entry in numbers that a device uses.
 
-use crate::channels::Channels;
+use crate::channels::{Channels, Unit};
 use crate::error::{Error, Mistakes, Problem};
 use crate::file::JointEntry;
 use crate::puppet::Puppet;
@@ -37,8 +37,7 @@ const fn goals_per_degree(kind: BusKind) -> f64 {
 /// The channel that a joint follows.
 struct Channel {
     index: u16,
-    /// Whether its unit is the degree, or the cm.
-    turns: bool,
+    unit: Unit,
     /// Goal units per unit, without the direction.
     scale: f64,
 }
@@ -67,8 +66,7 @@ impl Puppet {
             None => speed.map(|speed| speed / DEFAULT_RISE),
             Some(acceleration) => mistakes.note(self.positive(acceleration, f64::MAX)),
         };
-        let (Channel { index, turns, scale }, sign) = (channel?, sign?);
-        let unit = if turns { "degree" } else { "cm" };
+        let (Channel { index, unit, scale }, sign) = (channel?, sign?);
         let zero = entry.zero.as_ref().map_or((lowest + highest + 1) / 2, |zero| *zero.get_ref());
         let to_goal = |value: f64| (f64::from(zero) + sign * scale * value).round();
         let range = mistakes.note(self.range(entry, zero, (lowest, highest), to_goal));
@@ -134,15 +132,14 @@ impl Puppet {
 
     fn channel(&self, entry: &JointEntry, per_degree: f64, channels: &Channels) -> Result<Channel, Error> {
         let found = channels.find(entry.channel.get_ref());
-        let (index, kind) = found.map_err(|missing| self.wrong(&entry.channel, missing))?;
-        let turns = kind.is_rotation();
+        let (index, unit) = found.map_err(|missing| self.wrong(&entry.channel, missing))?;
         let scale = match &entry.scale {
             Some(scale) => self.positive(scale, I16F16::MAX.to_num())?,
-            None if turns => per_degree,
+            None if unit == Unit::Degree => per_degree,
             None => return Err(self.wrong(&entry.channel, Problem::NoScale)),
         };
         let index = u16::try_from(index).map_err(|_| self.wrong(&entry.channel, Problem::ChannelNumber))?;
-        Ok(Channel { index, turns, scale })
+        Ok(Channel { index, unit, scale })
     }
 
     /// Lowest and highest goal.

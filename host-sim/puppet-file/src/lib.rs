@@ -6,8 +6,7 @@
 //! # Example
 //!
 //! ```
-//! use decoder_core::mclip::ChannelKind;
-//! use puppet_file::{Channels, Owner, Puppet};
+//! use puppet_file::{Channels, Owner, Puppet, Unit};
 //! use std::path::Path;
 //!
 //! let text = "
@@ -24,8 +23,8 @@
 //! let puppet = Puppet::parse(Path::new("puppet.toml"), text.to_owned())?;
 //!
 //! // The columns of the clips that the puppet will play.
-//! let channels = [("root.ry", ChannelKind::Ry), ("rradius.rx", ChannelKind::Rx)];
-//! let channels = Channels::new(Owner::Clip, channels.map(|(name, kind)| (name.to_owned(), kind)));
+//! let channels = [("root.ty", Unit::Centimetre), ("rradius.rx", Unit::Degree)];
+//! let channels = Channels::new(Owner::Clip, channels.map(|(name, unit)| (name.to_owned(), unit)));
 //! let map = puppet.map(channels.clone())?;
 //! let elbow = map.joints()[0];
 //! assert_eq!((elbow.channel, elbow.min, elbow.max), (1, 341, 2048));
@@ -35,7 +34,7 @@
 //! assert_eq!(
 //!     wrong.map(channels).unwrap_err().to_string(),
 //!     "puppet.toml, line 7, key \"channel\": the clip has no joint \"rradus\"; \
-//!      the nearest channels are rradius.rx, root.ry",
+//!      the nearest channels are rradius.rx, root.ty",
 //! );
 //! # Ok::<(), puppet_file::Error>(())
 //! ```
@@ -96,7 +95,7 @@ mod place;
 mod puppet;
 
 pub use bus_kind::bus_kind;
-pub use channels::{Channels, MissingChannel, Owner};
+pub use channels::{Channels, MissingChannel, Owner, Unit};
 pub use error::{Error, Problem};
 pub use joint::goal_range;
 pub use map::{Map, to_bytes};

@@ -5,10 +5,10 @@ use crate::error::{Error, Problem};
 use crate::file::{File, JointEntry};
 use crate::models;
 use crate::place::Place;
-use encoder::Clip as Recording;
-use encoder::skeleton::ChannelKind;
 use firmware::map::{BusKind, BusSpec, Joint, MAX_BUSES};
 use heapless::Vec as HeaplessVec;
+use mocap::Clip;
+use mocap::skeleton::Dof;
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -151,10 +151,10 @@ impl Puppet {
         let mut columns = Vec::new();
         for name in joints.iter().flat_map(|&joint| names.iter().filter(move |name| joint_of(name) == joint))
         {
-            let kind = ChannelKind::ALL.into_iter().find(|kind| name.ends_with(&format!(".{}", kind.name())));
-            let kind = kind
-                .ok_or_else(|| self.wrong_channel(name, Problem::ChannelKind { name: (*name).to_owned() }))?;
-            columns.push(((*name).to_owned(), kind));
+            let dof = Dof::ALL.into_iter().find(|dof| name.ends_with(&format!(".{}", dof.name())));
+            let dof =
+                dof.ok_or_else(|| self.wrong_channel(name, Problem::Dof { name: (*name).to_owned() }))?;
+            columns.push(((*name).to_owned(), dof.into()));
         }
         Ok(Channels::new(Owner::Puppet, columns))
     }
@@ -163,14 +163,14 @@ impl Puppet {
     ///
     /// # Errors
     /// A channel that the recording does not have.
-    pub fn followed(&self, recording: &Recording) -> Result<Recording, Error> {
+    pub fn followed(&self, recording: &Clip) -> Result<Clip, Error> {
         let all = Channels::from(&recording.skeleton);
         let mut kept = Vec::new();
         for name in self.channels()?.names() {
             kept.push(all.find(name).map_err(|missing| self.wrong_channel(name, missing))?.0);
         }
         let motion = recording.motion.with_channels(&kept);
-        Ok(Recording { skeleton: recording.skeleton.with_channels(&kept), motion })
+        Ok(Clip { skeleton: recording.skeleton.with_channels(&kept), motion })
     }
 
     /// The number of a joint's bus.
@@ -219,6 +219,7 @@ impl Puppet {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::channels::Unit;
 
     fn puppet(channels: &[&str]) -> Puppet {
         let mut text = "servo_hz = 50\nbaud = 1_000_000\n".to_owned();
@@ -235,7 +236,7 @@ mod tests {
         let puppet = puppet(&["a.b.rx", "c.tz", "a.b.rz", "c.tz", "d.l", "a.b.rx"]);
         let channels = puppet.channels().unwrap();
         assert_eq!(channels.names().collect::<Vec<_>>(), ["a.b.rx", "a.b.rz", "c.tz", "d.l"]);
-        assert_eq!(channels.find("c.tz"), Ok((2, ChannelKind::Tz)));
+        assert_eq!(channels.find("c.tz"), Ok((2, Unit::Centimetre)));
         let error = self::puppet(&["a.rx", "elbow"]).channels().unwrap_err().to_string();
         assert!(
             error.starts_with("puppet.toml, line 12, key \"channel\": \"elbow\" is no channel"),

@@ -1,10 +1,10 @@
 //! `bunraku decode`: a compressed clip in, motion capture out.
 
 use anyhow::{Context, Result, bail};
-use encoder::export;
-use encoder::import::{self, amc};
 use host_sim::files;
 use host_sim::puppet::channels;
+use mocap::export;
+use mocap::import::{self, amc};
 use std::path::PathBuf;
 use std::process::ExitCode;
 

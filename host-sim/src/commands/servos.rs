@@ -1,7 +1,6 @@
 //! `bunraku servos`: virtual servos for any client.
 
 use anyhow::{Context, bail};
-use host_sim::ports;
 use host_sim::servos::{ConfigError, Event, config, serve};
 use std::fs::File;
 use std::io::Write;

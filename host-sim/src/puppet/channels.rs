@@ -2,9 +2,8 @@
 
 use crate::clip::Clip;
 use anyhow::{Result, bail};
-use encoder::Motion;
-use encoder::skeleton::Skeleton;
-use puppet_file::{Channels, Owner, Puppet};
+use mocap::{Motion, Skeleton};
+use puppet_file::{Channels, Owner, Puppet, Unit};
 use std::path::{Path, PathBuf};
 
 /// Those that a clip names: none of a .qmd, nor of a .mclip without names.
@@ -12,7 +11,7 @@ pub fn of_clip(clip: &Clip<'_>) -> Option<Channels> {
     let Clip::Mclip(clip) = clip else { return None };
     let channels = clip.header().channels();
     let named = channels.clone().any(|channel| !channel.joint.is_empty());
-    let columns = channels.map(|channel| (channel.to_string(), channel.kind));
+    let columns = channels.map(|channel| (channel.to_string(), Unit::of(channel.kind.is_rotation())));
     named.then(|| Channels::new(Owner::Clip, columns))
 }
 
@@ -23,7 +22,7 @@ pub fn of_clip(clip: &Clip<'_>) -> Option<Channels> {
 /// A sentence where the skeleton cannot be read.
 pub fn of_clips(puppet: &Puppet, given: Option<PathBuf>) -> Result<Channels> {
     match given.or_else(|| puppet.skeleton()) {
-        Some(path) => Ok(Channels::from(&encoder::import::load_skeleton(&path)?)),
+        Some(path) => Ok(Channels::from(&mocap::import::load_skeleton(&path)?)),
         None => Ok(puppet.channels()?),
     }
 }
@@ -98,7 +97,7 @@ mod tests {
     /// A clip that names its channels says which they are, whatever skeleton there is.
     #[test]
     fn a_clip_names_its_own() {
-        let sample = encoder::sample::clip();
+        let sample = mocap::sample::clip();
         let kept = ["lradius.rx", "root.ty"].map(|name| sample.skeleton.channel(name).unwrap());
         let (skeleton, motion) = (sample.skeleton.with_channels(&kept), sample.motion.with_channels(&kept));
         let bytes =

@@ -170,7 +170,7 @@ mod tests {
         let text = "servo_hz = 10\nbaud = 1\ninterpolation = 'linear'\n[[joint]]\nname = 'a'\nchannel = 'rradius.rx'\nid = 1\n\
                     range = [-10, 20]\nmax_speed = 50\nmax_acceleration = 1000\n";
         let map = Puppet::parse(Path::new("p.toml"), text.to_owned()).unwrap();
-        let map = map.map(&encoder::sample::clip().skeleton).unwrap();
+        let map = map.map(&mocap::sample::clip().skeleton).unwrap();
         let near = |found: Worst, value: f64, seconds: f64| {
             assert!((found.value - value).abs() < 0.05 && found.seconds == seconds, "{found:?}, not {value}");
         };

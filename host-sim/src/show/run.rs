@@ -460,7 +460,7 @@ mod tests {
         let text = "servo_hz = 50\nbaud = 1_000_000\n[[joint]]\nname = 'a'\nchannel = 'rradius.rx'\nid = 1\nrange = [-10, 20]\n\
                     max_speed = 50\n";
         let map = puppet_file::Puppet::parse(std::path::Path::new("p.toml"), text.to_owned()).unwrap();
-        let mut meter = Meter::new(&map.map(&encoder::sample::clip().skeleton).unwrap());
+        let mut meter = Meter::new(&map.map(&mocap::sample::clip().skeleton).unwrap());
         let at = |cycle, awake| Moment { cycle, awake };
         // A byte is 250 cycles. Goals of two bytes, a question of one, ten bytes of answer; then the next goals.
         for (start, awake, ticks) in [(10_000, 500, 1), (510_000, 2_500, 2)] {

@@ -4,7 +4,6 @@ use crate::fuzz::{Shelf, shelf};
 use crate::virtual_device::map;
 use decoder_core::mclip::CodecId;
 use encoder::mclip::{Encoder, Quality, Settings};
-use encoder::sample;
 use firmware::bus::Reading;
 use firmware::device::{Device, Identity};
 use firmware::fault::Feedback;
@@ -14,6 +13,7 @@ use firmware::link::session::Session;
 use firmware::machine::{Action, Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
 use firmware::store::Status;
+use mocap::sample;
 
 #[test]
 fn flash_that_stalls_is_written_at_rest_in_every_second_tick() {

@@ -6,7 +6,6 @@ use bunraku_fuzz::mutate::mutate;
 use decoder_core::mclip::{CodecId, Needs};
 use decoder_core::{I16F16, Limits};
 use encoder::mclip::{Encoder, Quality};
-use encoder::sample;
 use firmware::bus::Reading;
 use firmware::clips::{Clips, LIVE, Post, Worker, Workspace, decode};
 use firmware::clock::Speed;
@@ -20,6 +19,7 @@ use firmware::map::MAX_SERVOS;
 use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use host_sim::flash::Flash;
+use mocap::sample;
 
 /// Frames in CI.
 const FRAMES: usize = 20_000;

@@ -1,7 +1,7 @@
 //! A device on a thread, and lines to it that break when they are told to.
 
-use encoder::skeleton::Skeleton;
 use host_sim::device::{Config, Listener, run};
+use mocap::skeleton::Skeleton;
 use puppet_file::{Map, Puppet};
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};

@@ -8,7 +8,7 @@ use host_sim::files;
 use host_sim::puppet::budget::{BusTime, bus_times};
 use host_sim::puppet::channels;
 use host_sim::puppet::rehearse::{Demand, rehearse};
-use puppet_file::{Channels, Map, Puppet};
+use puppet_file::{Channels, Map, Puppet, Unit};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -116,7 +116,7 @@ fn report<'a>(
     let hz = f64::from(map.tick_hz());
     let joint = |(index, joint): (usize, &Joint)| {
         let channel = channels.name(joint.channel.into());
-        let turns = channels.find(channel).is_ok_and(|(_, kind)| kind.is_rotation());
+        let unit = channels.find(channel).map_or(Unit::Centimetre, |(_, unit)| unit);
         let scale = joint.scale.to_num::<f64>();
         let value = |goal: i32| f64::from(goal - joint.zero) / scale;
         let (one, other) = (value(joint.min), value(joint.max));
@@ -124,7 +124,7 @@ fn report<'a>(
         JointReport {
             name: puppet.name_of(joint),
             channel,
-            unit: if turns { "°" } else { "cm" },
+            unit: unit.symbol(),
             bus: names.get(usize::from(joint.bus)).cloned().unwrap_or_default(),
             id: joint.id,
             goal_range: [joint.min, joint.max],

@@ -2,20 +2,21 @@
 //!
 //! Format: "Biovision BVH" (J. Lander, University of Wisconsin, 1999).
 
-use super::ImportError;
+use super::error::ImportError;
 use super::text::{self, Lexer, quote};
 use crate::angles::IDENTITY;
-use crate::skeleton::{Channel, ChannelKind, Joint, Origin};
-use crate::{Motion, Skeleton};
+use crate::motion::Motion;
+use crate::skeleton::Skeleton;
+use crate::skeleton::{Channel, Dof, Joint, Origin};
 
 /// Words of `CHANNELS` lines.
-pub(crate) const CHANNEL_NAMES: [(ChannelKind, &str); 6] = [
-    (ChannelKind::Tx, "Xposition"),
-    (ChannelKind::Ty, "Yposition"),
-    (ChannelKind::Tz, "Zposition"),
-    (ChannelKind::Rx, "Xrotation"),
-    (ChannelKind::Ry, "Yrotation"),
-    (ChannelKind::Rz, "Zrotation"),
+pub(crate) const CHANNEL_NAMES: [(Dof, &str); 6] = [
+    (Dof::Tx, "Xposition"),
+    (Dof::Ty, "Yposition"),
+    (Dof::Tz, "Zposition"),
+    (Dof::Rx, "Xrotation"),
+    (Dof::Ry, "Yrotation"),
+    (Dof::Rz, "Zrotation"),
 ];
 
 /// Parses a BVH file: `file` is its name for messages and `cm_per_unit` the size of its unit of length.
@@ -81,9 +82,9 @@ impl Hierarchy {
         }
         for joint in &mut self.skeleton.joints {
             for channel in joint.channels.clone() {
-                let kind = self.skeleton.channels[channel].kind;
-                match kind.axis() {
-                    Some(axis) if !kind.is_rotation() => joint.offset[axis] = 0.0,
+                let dof = self.skeleton.channels[channel].dof;
+                match dof.axis() {
+                    Some(axis) if !dof.is_rotation() => joint.offset[axis] = 0.0,
                     _ => joint.rotations.push(channel),
                 }
             }
@@ -154,15 +155,15 @@ impl Hierarchy {
             lexer.at_line_end();
             let word = lexer.word();
             let mut names = CHANNEL_NAMES.iter();
-            let kind = names.find(|(_, name)| word.eq_ignore_ascii_case(name.as_bytes()));
-            let kind = kind.filter(|(kind, _)| channels[start..].iter().all(|other| other.kind != *kind));
-            let Some(&(kind, _)) = kind else {
+            let dof = names.find(|(_, name)| word.eq_ignore_ascii_case(name.as_bytes()));
+            let dof = dof.filter(|(dof, _)| channels[start..].iter().all(|other| other.dof != *dof));
+            let Some(&(dof, _)) = dof else {
                 let expected = "such as `Xposition` or `Zrotation`, each once";
                 return Err(lexer.error(format!("{count} names {expected}")));
             };
             lexer.take_word();
-            let name = format!("{}.{}", joints[joint].name, kind.name());
-            channels.push(Channel { name, kind, joint, limits: None });
+            let name = format!("{}.{}", joints[joint].name, dof.name());
+            channels.push(Channel { name, dof, joint, limits: None });
         }
         if count != (channels.len() - start) as f64 {
             return Err(lexer.error_found(format!("{count} channels"), "a number from 0 to 6".to_string()));
@@ -202,7 +203,7 @@ fn read_motion(
     }
     let channels = skeleton.channels.len();
     let scales: Vec<f64> = (skeleton.channels.iter())
-        .map(|channel| if channel.kind.is_rotation() { 1.0 } else { cm_per_unit })
+        .map(|channel| if channel.dof.is_rotation() { 1.0 } else { cm_per_unit })
         .collect();
     let mut samples = Vec::new();
     let mut read = 0_usize;

@@ -17,8 +17,9 @@
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
-use crate::Motion;
-use crate::import::{Clip, asf};
+use crate::clip::Clip;
+use crate::import::asf;
+use crate::motion::Motion;
 
 /// Frames per second of the clip.
 pub const FPS: f64 = 60.0;

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use super::{amc, asf, bvh, load};
-use crate::{Skeleton, export, sample};
+use crate::skeleton::Skeleton;
+use crate::{export, sample};
 
 /// A skeleton and two frames of its motion in both formats.
 struct Texts {

@@ -1,15 +1,66 @@
 //! A skeleton: a tree of joints and the channels that move them.
 
-pub use decoder_core::mclip::ChannelKind;
 use std::ops::Range;
 
-/// One degree of freedom: a column of a [`Motion`](crate::Motion).
+/// A degree of freedom: what a channel moves, and along or about which axis of its joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Dof {
+    /// Translation along x, in centimetres.
+    Tx,
+    /// Translation along y, in centimetres.
+    Ty,
+    /// Translation along z, in centimetres.
+    Tz,
+    /// Rotation about x, in degrees.
+    Rx,
+    /// Rotation about y, in degrees.
+    Ry,
+    /// Rotation about z, in degrees.
+    Rz,
+    /// Length of the bone beyond its rest length, in centimetres (ASF `l`).
+    Length,
+}
+
+impl Dof {
+    /// All of them.
+    pub const ALL: [Self; 7] = [Self::Tx, Self::Ty, Self::Tz, Self::Rx, Self::Ry, Self::Rz, Self::Length];
+
+    /// Its name in an ASF file, in lower case: `tx`, `rz`, `l`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tx => "tx",
+            Self::Ty => "ty",
+            Self::Tz => "tz",
+            Self::Rx => "rx",
+            Self::Ry => "ry",
+            Self::Rz => "rz",
+            Self::Length => "l",
+        }
+    }
+
+    /// Whether it is a rotation, in degrees; the others are lengths, in centimetres.
+    pub const fn is_rotation(self) -> bool {
+        matches!(self, Self::Rx | Self::Ry | Self::Rz)
+    }
+
+    /// 0, 1 or 2 for a rotation about, or a translation along, x, y or z; `None` for [`Length`](Self::Length).
+    pub const fn axis(self) -> Option<usize> {
+        match self {
+            Self::Tx | Self::Rx => Some(0),
+            Self::Ty | Self::Ry => Some(1),
+            Self::Tz | Self::Rz => Some(2),
+            Self::Length => None,
+        }
+    }
+}
+
+/// One degree of freedom: a column of a [`Motion`](crate::motion::Motion).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// `joint.kind`, for instance `rradius.rx`.
+    /// `joint.dof`, for instance `rradius.rx`.
     pub name: String,
     /// What it moves.
-    pub kind: ChannelKind,
+    pub dof: Dof,
     /// Index of the joint that it belongs to.
     pub joint: usize,
     /// Lowest and highest value that the skeleton file names, if it does.
@@ -82,7 +133,7 @@ impl Skeleton {
 
     /// Whether each channel is a rotation, in degrees (the others are lengths, in centimetres).
     pub fn rotation_channels(&self) -> Vec<bool> {
-        self.channels.iter().map(|channel| channel.kind.is_rotation()).collect()
+        self.channels.iter().map(|channel| channel.dof.is_rotation()).collect()
     }
 
     /// Index of the channel of that name, for instance `rradius.rx`.

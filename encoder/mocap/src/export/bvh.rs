@@ -5,11 +5,13 @@
 
 use std::io::{self, Write};
 
-use super::{ExportError, check_channels, write_number};
+use super::error::{ExportError, check_channels};
+use super::number::write_number;
 use crate::angles::{self, Matrix};
 use crate::import::bvh::CHANNEL_NAMES;
-use crate::skeleton::{ChannelKind, Joint, Origin};
-use crate::{Motion, Skeleton};
+use crate::motion::Motion;
+use crate::skeleton::Skeleton;
+use crate::skeleton::{Dof, Joint, Origin};
 
 /// Writes skeleton and motion.
 ///
@@ -67,7 +69,7 @@ fn children(skeleton: &Skeleton) -> Vec<Vec<usize>> {
 struct Node {
     joint: usize,
     offset: [f64; 3],
-    channels: Vec<ChannelKind>,
+    channels: Vec<Dof>,
     /// Of an ASF leaf: where its bone ends.
     end: Option<[f64; 3]>,
     /// Centimetres in the file's unit of length.
@@ -75,8 +77,8 @@ struct Node {
     converted: bool,
 }
 
-const EULER: [ChannelKind; 3] = [ChannelKind::Rz, ChannelKind::Ry, ChannelKind::Rx];
-const POSITION: [ChannelKind; 3] = [ChannelKind::Tx, ChannelKind::Ty, ChannelKind::Tz];
+const EULER: [Dof; 3] = [Dof::Rz, Dof::Ry, Dof::Rx];
+const POSITION: [Dof; 3] = [Dof::Tx, Dof::Ty, Dof::Tz];
 
 impl Node {
     fn direct(skeleton: &Skeleton, index: usize, cm_per_unit: f64) -> Self {
@@ -84,7 +86,7 @@ impl Node {
         Self {
             joint: index,
             offset: joint.offset.map(|part| part / cm_per_unit),
-            channels: joint.channels.clone().map(|channel| skeleton.channels[channel].kind).collect(),
+            channels: joint.channels.clone().map(|channel| skeleton.channels[channel].dof).collect(),
             end: None,
             cm_per_unit,
             converted: false,
@@ -103,8 +105,8 @@ impl Node {
         let lengthened =
             joint.parent.is_some_and(|parent| length_channel(skeleton, &skeleton.joints[parent]).is_some());
         let translated = joint.channels.clone().any(|channel| {
-            let kind = skeleton.channels[channel].kind;
-            !kind.is_rotation() && kind != ChannelKind::Length
+            let dof = skeleton.channels[channel].dof;
+            !dof.is_rotation() && dof != Dof::Length
         });
         let moves = joint.parent.is_none() || lengthened || translated;
         let channels = if moves { [POSITION, EULER].concat() } else { EULER.to_vec() };
@@ -129,7 +131,7 @@ impl Node {
             return;
         }
         out.extend(joint.channels.clone().map(|channel| {
-            let rotation = skeleton.channels[channel].kind.is_rotation();
+            let rotation = skeleton.channels[channel].dof.is_rotation();
             if rotation { pose[channel] } else { pose[channel] / self.cm_per_unit }
         }));
     }
@@ -140,13 +142,13 @@ fn rounded(value: f64) -> f64 {
 }
 
 fn length_channel(skeleton: &Skeleton, joint: &Joint) -> Option<usize> {
-    joint.channels.clone().find(|&channel| skeleton.channels[channel].kind == ChannelKind::Length)
+    joint.channels.clone().find(|&channel| skeleton.channels[channel].dof == Dof::Length)
 }
 
 /// C · R · C⁻¹ of a joint.
 fn local_rotation(skeleton: &Skeleton, joint: &Joint, pose: &[f64]) -> Matrix {
     let factors = joint.rotations.iter().filter_map(|&channel| {
-        let axis = skeleton.channels[channel].kind.axis()?;
+        let axis = skeleton.channels[channel].dof.axis()?;
         Some(angles::rotation(axis, pose[channel]))
     });
     let rotation = factors.fold(joint.axis, |product, factor| angles::multiply(&product, &factor));
@@ -157,9 +159,9 @@ fn local_rotation(skeleton: &Skeleton, joint: &Joint, pose: &[f64]) -> Matrix {
 fn local_position(skeleton: &Skeleton, joint: &Joint, pose: &[f64]) -> [f64; 3] {
     let mut translation = [0.0; 3];
     for channel in joint.channels.clone() {
-        let kind = skeleton.channels[channel].kind;
-        if let Some(axis) = kind.axis()
-            && !kind.is_rotation()
+        let dof = skeleton.channels[channel].dof;
+        if let Some(axis) = dof.axis()
+            && !dof.is_rotation()
         {
             translation[axis] = pose[channel];
         }
@@ -214,8 +216,8 @@ impl Hierarchy<'_> {
         self.offset(out, &indent, node.offset)?;
         if !end_site {
             write!(out, "{indent}\tCHANNELS {}", node.channels.len())?;
-            for kind in &node.channels {
-                let name = CHANNEL_NAMES.iter().find(|(other, _)| other == kind).map_or("", |(_, name)| name);
+            for dof in &node.channels {
+                let name = CHANNEL_NAMES.iter().find(|(other, _)| other == dof).map_or("", |(_, name)| name);
                 write!(out, " {name}")?;
             }
             out.write_all(b"\n")?;

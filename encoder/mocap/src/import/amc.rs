@@ -4,10 +4,11 @@
 
 use std::collections::HashMap;
 
-use super::ImportError;
+use super::error::ImportError;
 use super::text::{self, Lexer, quote};
-use crate::skeleton::{ChannelKind, Origin};
-use crate::{Motion, Skeleton};
+use crate::motion::Motion;
+use crate::skeleton::Skeleton;
+use crate::skeleton::{Dof, Origin};
 
 /// Frames per second of a file that does not say: the rate of the CMU database.
 pub const DEFAULT_FPS: f64 = 120.0;
@@ -32,8 +33,8 @@ pub fn parse(bytes: &[u8], file: &str, skeleton: &Skeleton, fps: Option<f64>) ->
     let mut lexer = Lexer::new(bytes, file, Some(b'#'), b"");
     let header = Header::read(&mut lexer, radians)?;
     let scales: Vec<f64> = (skeleton.channels.iter())
-        .map(|channel| match channel.kind {
-            ChannelKind::Rx | ChannelKind::Ry | ChannelKind::Rz => header.degrees_per_unit,
+        .map(|channel| match channel.dof {
+            Dof::Rx | Dof::Ry | Dof::Rz => header.degrees_per_unit,
             _ => cm_per_unit,
         })
         .collect();

@@ -6,11 +6,11 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::ImportError;
+use super::error::ImportError;
 use super::text::{self, Lexer, quote};
-use crate::Skeleton;
 use crate::angles::{self, Matrix};
-use crate::skeleton::{Channel, ChannelKind, Joint, Origin};
+use crate::skeleton::Skeleton;
+use crate::skeleton::{Channel, Dof, Joint, Origin};
 
 /// Centimetres in an inch: `length` in `:units` is the size of the file's unit of length, as a factor that
 /// divides lengths to give inches (CMU: 0.45).
@@ -60,7 +60,7 @@ struct Bone {
     axis: [f64; 3],
     /// Axes in which `axis` is applied, the first first.
     axis_order: [usize; 3],
-    dof: Vec<ChannelKind>,
+    dof: Vec<Dof>,
     limits: Vec<(f64, f64)>,
 }
 
@@ -144,7 +144,7 @@ impl Sections {
             let parent = parent.map(|parent| joint_of[parent]);
             let bone = &self.bones[bone];
             let level = |above: &Joint| above.level.saturating_add(u8::from(!channels.is_empty()));
-            let rotations = channels.clone().filter(|&index| skeleton.channels[index].kind.is_rotation());
+            let rotations = channels.clone().filter(|&index| skeleton.channels[index].dof.is_rotation());
             let tail = bone.direction.map(|part| part * bone.length * cm_per_unit);
             let above = parent.map(|parent| &skeleton.joints[parent]);
             let joint = Joint {
@@ -191,12 +191,12 @@ impl Bone {
     }
 
     fn channels(&self, joint: usize, units: &Units, cm_per_unit: f64) -> impl Iterator<Item = Channel> {
-        self.dof.iter().enumerate().map(move |(index, &kind)| {
-            let convert = |value| if kind.is_rotation() { units.degrees(value) } else { value * cm_per_unit };
+        self.dof.iter().enumerate().map(move |(index, &dof)| {
+            let convert = |value| if dof.is_rotation() { units.degrees(value) } else { value * cm_per_unit };
             let limits = self.limits.get(index).map(|&(low, high)| (convert(low), convert(high)));
             Channel {
-                name: format!("{}.{}", self.name, kind.name()),
-                kind,
+                name: format!("{}.{}", self.name, dof.name()),
+                dof,
                 joint,
                 limits: limits.filter(|(low, high)| low.is_finite() || high.is_finite()),
             }
@@ -330,7 +330,7 @@ fn read_bone(lexer: &mut Lexer) -> Result<Bone, ImportError> {
         ));
     }
     let pointless = bone.length == 0.0 || bone.direction == [0.0; 3];
-    if pointless && bone.dof.contains(&ChannelKind::Length) {
+    if pointless && bone.dof.contains(&Dof::Length) {
         return Err(lexer.error_found(
             format!("bone {} without length or direction", quote(bone.name.as_bytes())),
             "both, since it has a degree of freedom `l`".to_string(),
@@ -365,15 +365,15 @@ fn read_axis_order(lexer: &mut Lexer) -> Result<[usize; 3], ImportError> {
     Ok(order)
 }
 
-fn read_dof(lexer: &mut Lexer) -> Result<Vec<ChannelKind>, ImportError> {
+fn read_dof(lexer: &mut Lexer) -> Result<Vec<Dof>, ImportError> {
     let mut dof = Vec::new();
     while !lexer.at_line_end() {
         let word = lexer.word();
-        let mut kinds = ChannelKind::ALL.into_iter();
-        let kind = kinds.find(|kind| word.eq_ignore_ascii_case(kind.name().as_bytes()));
-        let kind = kind.filter(|kind| !dof.contains(kind));
+        let mut kinds = Dof::ALL.into_iter();
+        let found = kinds.find(|found| word.eq_ignore_ascii_case(found.name().as_bytes()));
+        let found = found.filter(|found| !dof.contains(found));
         let expected = "degrees of freedom out of `tx ty tz rx ry rz l`, each once";
-        dof.push(kind.ok_or_else(|| lexer.error(expected.to_string()))?);
+        dof.push(found.ok_or_else(|| lexer.error(expected.to_string()))?);
         lexer.take_word();
     }
     Ok(dof)

@@ -1,9 +1,9 @@
 //! A motion: frames of channel values at a fixed rate.
 
-use crate::Skeleton;
 use crate::angles;
+use crate::skeleton::Skeleton;
 
-/// Frames of channel values, in the order of [`Skeleton::channels`](crate::Skeleton), at a fixed rate.
+/// Frames of channel values, in the order of [`Skeleton::channels`](crate::skeleton::Skeleton), at a fixed rate.
 ///
 /// Rotations are in degrees and translations in centimetres, whatever the file's units were. Values are as
 /// recorded: [`unwrap_angles`](Motion::unwrap_angles) makes them continuous.
@@ -79,7 +79,7 @@ impl Motion {
 
     fn rotations(&self, skeleton: &Skeleton) -> Vec<usize> {
         assert_eq!(skeleton.channels.len(), self.channels, "channels of the skeleton and of the motion");
-        (0..self.channels).filter(|&channel| skeleton.channels[channel].kind.is_rotation()).collect()
+        (0..self.channels).filter(|&channel| skeleton.channels[channel].dof.is_rotation()).collect()
     }
 }
 

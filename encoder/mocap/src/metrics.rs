@@ -2,8 +2,10 @@
 
 use serde::Serialize;
 
+use crate::angles;
 use crate::kinematics::Kinematics;
-use crate::{Motion, Skeleton, angles};
+use crate::motion::Motion;
+use crate::skeleton::Skeleton;
 
 /// Why two motions cannot be compared.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -215,7 +217,7 @@ impl Evaluator {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::Clip;
+    use crate::clip::Clip;
     use crate::sample;
 
     fn changed(channel: &str, by: impl Fn(usize) -> f64) -> (Clip, Motion) {

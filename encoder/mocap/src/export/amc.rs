@@ -2,9 +2,12 @@
 
 use std::io::Write;
 
-use super::{ExportError, check_channels, write_number};
+use super::error::{ExportError, check_channels};
+use super::number::write_number;
+use crate::angles;
+use crate::motion::Motion;
 use crate::skeleton::Origin;
-use crate::{Motion, Skeleton, angles};
+use crate::skeleton::Skeleton;
 
 /// Rotations as an AMC file gets them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +48,7 @@ pub fn write(
             write!(out, "{}", bone.name)?;
             for channel in bone.channels.clone() {
                 let value = pose[channel];
-                let value = match (skeleton.channels[channel].kind.is_rotation(), rotations) {
+                let value = match (skeleton.channels[channel].dof.is_rotation(), rotations) {
                     (false, _) => value / cm_per_unit,
                     (true, Rotations::AsTheyAre) => value,
                     (true, Rotations::Wrapped) => angles::wrap(value),

@@ -1,4 +1,4 @@
-//! Speed of import and kinematics on one core: `cargo bench -p encoder`.
+//! Speed of import and kinematics on one core: `cargo bench -p mocap`.
 //!
 //! Reads the trials of the folder that `BUNRAKU_MOTION` names, if it does, besides text that the embedded clip
 //! makes. Each figure is the best of several runs.
@@ -7,11 +7,11 @@ use std::hint::black_box;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use encoder::export::{amc as amc_out, amc::Rotations, bvh as bvh_out};
-use encoder::import::{self, amc, bvh};
-use encoder::kinematics::{Kinematics, sensitivity};
-use encoder::metrics::Evaluator;
-use encoder::sample;
+use mocap::export::{amc as amc_out, amc::Rotations, bvh as bvh_out};
+use mocap::import::{self, amc, bvh};
+use mocap::kinematics::{Kinematics, sensitivity};
+use mocap::metrics::Evaluator;
+use mocap::sample;
 
 /// Seconds of the fastest of at least five runs within half a second.
 fn best(mut run: impl FnMut()) -> f64 {

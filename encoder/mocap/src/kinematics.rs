@@ -1,7 +1,8 @@
 //! Forward kinematics: where a pose puts the joints.
 
 use crate::angles::{self, Matrix};
-use crate::{Motion, Skeleton};
+use crate::motion::Motion;
+use crate::skeleton::Skeleton;
 
 /// Forward kinematics of one skeleton, prepared for many poses; a pose of the CMU skeleton (31 joints, 62
 /// channels) takes about 1 µs.
@@ -49,11 +50,11 @@ impl Kinematics {
             let from_parent = parent.map_or(angles::IDENTITY, |parent| angles::transpose(&parent.axis));
             let to_own = angles::transpose(&joint.axis);
             let rest = angles::multiply(&from_parent, &joint.axis);
-            let kind = |channel: &usize| skeleton.channels[*channel].kind;
-            let axis = |channel: usize| Some((channel, skeleton.channels[channel].kind.axis()?));
-            let translations = joint.channels.clone().filter(|channel| !kind(channel).is_rotation());
+            let dof = |channel: &usize| skeleton.channels[*channel].dof;
+            let axis = |channel: usize| Some((channel, skeleton.channels[channel].dof.axis()?));
+            let translations = joint.channels.clone().filter(|channel| !dof(channel).is_rotation());
             let tail = angles::apply(&to_own, joint.tail);
-            let stretched = joint.channels.clone().find(|channel| kind(channel).axis().is_none());
+            let stretched = joint.channels.clone().find(|channel| dof(channel).axis().is_none());
             links.push(Link {
                 parent: joint.parent,
                 offset: angles::apply(&from_parent, joint.offset),
@@ -172,7 +173,7 @@ pub fn sensitivity(skeleton: &Skeleton, motion: &Motion) -> Vec<f64> {
         }
         for ((channel, total), &(origin, axis)) in skeleton.channels.iter().zip(&mut total).zip(&levers) {
             let moments = &moments[channel.joint];
-            *total += if channel.kind.is_rotation() {
+            *total += if channel.dof.is_rotation() {
                 moments.about(subtract(origin, centre), axis) * 1_f64.to_radians().powi(2)
             } else {
                 moments.count
@@ -250,7 +251,7 @@ mod tests {
     use crate::import::asf;
     use crate::import::asf::tests::odd_skeleton;
     use crate::sample;
-    use crate::skeleton::ChannelKind;
+    use crate::skeleton::Dof;
 
     /// The definition in [`Joint`](crate::skeleton::Joint), matrix by matrix.
     fn by_definition(skeleton: &Skeleton, pose: &[f64]) -> Vec<[f64; 3]> {
@@ -266,7 +267,7 @@ mod tests {
         let mut positions = Vec::new();
         let longer = |joint: &crate::skeleton::Joint| {
             let length = joint.tail.iter().map(|part| part * part).sum::<f64>().sqrt();
-            let channel = joint.channels.clone().find(|&c| skeleton.channels[c].kind == ChannelKind::Length);
+            let channel = joint.channels.clone().find(|&c| skeleton.channels[c].dof == Dof::Length);
             channel.map_or([0.0; 3], |channel| joint.tail.map(|part| part / length * pose[channel]))
         };
         for joint in &skeleton.joints {
@@ -278,16 +279,16 @@ mod tests {
             m = then(&m, &turn(joint.axis));
             for channel in joint.channels.clone() {
                 let mut by = [0.0; 3];
-                match skeleton.channels[channel].kind {
-                    ChannelKind::Tx => by[0] = pose[channel],
-                    ChannelKind::Ty => by[1] = pose[channel],
-                    ChannelKind::Tz => by[2] = pose[channel],
+                match skeleton.channels[channel].dof {
+                    Dof::Tx => by[0] = pose[channel],
+                    Dof::Ty => by[1] = pose[channel],
+                    Dof::Tz => by[2] = pose[channel],
                     _ => {}
                 }
                 m = then(&m, &point(by));
             }
             for &channel in &joint.rotations {
-                let axis = skeleton.channels[channel].kind.axis().expect("a rotation");
+                let axis = skeleton.channels[channel].dof.axis().expect("a rotation");
                 m = then(&m, &turn(angles::rotation(axis, pose[channel])));
             }
             m = then(&m, &turn(angles::transpose(&joint.axis)));

@@ -1,6 +1,6 @@
 //! Reading text by bytes: words, numbers and line ends, with the line for a message.
 
-use super::ImportError;
+use super::error::ImportError;
 
 /// Fails on a file that is empty or is no text at all, such as a picture.
 pub(super) fn check(bytes: &[u8], file: &str, expected: &str) -> Result<(), ImportError> {

@@ -2,8 +2,10 @@
 
 use std::io::Write;
 
-use super::{ExportError, check_channels, write_number};
-use crate::{Motion, Skeleton};
+use super::error::{ExportError, check_channels};
+use super::number::write_number;
+use crate::motion::Motion;
+use crate::skeleton::Skeleton;
 
 /// Writes a header row, `time` and the channels' names, then per frame its time in seconds and its values in
 /// degrees and centimetres.
