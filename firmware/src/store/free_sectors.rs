@@ -1,6 +1,6 @@
 //! Free sectors for a clip.
 
-use super::Layout;
+use super::layout::Layout;
 
 /// Flash that is in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,10 +1,12 @@
-//! A world for tests: clips from formulas, and servos that can be harmed, which look at what they are told.
+//! A puppet for tests: clips from formulas, and servos that can be harmed, which look at what they are told.
 
 use super::*;
 use crate::bus::{BusError, Reading};
-use crate::fault::UNHEARD_TICKS;
-use crate::map::{BusKind, BusSpec, Settings};
-use crate::voice::Frames;
+use crate::fault::{Feedback, UNHEARD_TICKS};
+use crate::frames::Frames;
+use crate::library::Library;
+use crate::map::{BusKind, BusSpec, Idle, Joint, JointMap, Settings};
+use crate::play_error::PlayError;
 use decoder_core::{Error, Field, I16F16};
 use std::collections::HashMap;
 
@@ -13,12 +15,12 @@ pub(crate) const HZ: u16 = 100;
 
 /// Clips of one channel a servo, from formulas.
 #[derive(Default)]
-pub(crate) struct Clips {
+pub(crate) struct FormulaClips {
     pub(crate) open: usize,
     pub(crate) damaged_at: Option<u32>,
 }
 
-pub(crate) struct Formula {
+pub(crate) struct FormulaFrames {
     pub(crate) clip: u16,
     pub(crate) next: u32,
     pub(crate) frame: [I16F16; SERVOS],
@@ -34,7 +36,7 @@ pub(crate) fn value(clip: u16, frame: u32, channel: usize) -> I16F16 {
     I16F16::from_num(20.0 * f64::from(clip) + 30.0 * phase.sin())
 }
 
-impl Frames for Formula {
+impl Frames for FormulaFrames {
     fn channels(&self) -> usize {
         SERVOS
     }
@@ -67,19 +69,19 @@ impl Frames for Formula {
     }
 }
 
-impl Library for Clips {
-    type Frames = Formula;
+impl Library for FormulaClips {
+    type Frames = FormulaFrames;
 
-    fn open(&mut self, clip: u16) -> Result<Formula, PlayError> {
+    fn open(&mut self, clip: u16) -> Result<FormulaFrames, PlayError> {
         if clip > 3 {
             return Err(PlayError::NoClip { clip });
         }
         self.open += 1;
         assert!(self.open <= 2, "memory for two decoders is enough");
-        Ok(Formula { clip, next: 0, frame: [I16F16::ZERO; SERVOS], damaged_at: self.damaged_at })
+        Ok(FormulaFrames { clip, next: 0, frame: [I16F16::ZERO; SERVOS], damaged_at: self.damaged_at })
     }
 
-    fn close(&mut self, _: Formula) {
+    fn close(&mut self, _: FormulaFrames) {
         self.open -= 1;
     }
 }
@@ -107,7 +109,7 @@ pub(crate) fn map(settings: Settings) -> JointMap<4> {
 
 /// A servo that is where it was told to be at once, if its torque is on.
 #[derive(Clone, Copy)]
-pub(crate) struct Motor {
+pub(crate) struct TestServo {
     pub(crate) position: i32,
     pub(crate) torque: bool,
     pub(crate) silent: bool,
@@ -115,13 +117,13 @@ pub(crate) struct Motor {
     pub(crate) temperature: u8,
 }
 
-pub(crate) struct World<'m> {
-    pub(crate) machine: Machine<'m, Clips, 4>,
-    pub(crate) motors: [Motor; SERVOS],
+pub(crate) struct TestPuppet<'m> {
+    pub(crate) machine: Machine<'m, FormulaClips, 4>,
+    pub(crate) motors: [TestServo; SERVOS],
     pub(crate) bus: Result<(), BusError>,
     pub(crate) late: bool,
     pub(crate) action: Option<Result<(), BusError>>,
-    pub(crate) actions: std::vec::Vec<Action>,
+    pub(crate) actions: Vec<Action>,
     /// What the last tick read.
     pub(crate) readings: [Option<Reading>; SERVOS],
     /// What each motor was told last, and how far that was from what it was told before.
@@ -135,17 +137,22 @@ pub(crate) struct World<'m> {
     pub(crate) watched: Option<u16>,
 }
 
-impl<'m> World<'m> {
+impl<'m> TestPuppet<'m> {
     pub(crate) fn new(map: &'m JointMap<4>, show: Show<'m>, positions: [i32; SERVOS]) -> Self {
-        let motor =
-            |position| Motor { position, torque: false, silent: false, hardware_error: 0, temperature: 30 };
+        let motor = |position| TestServo {
+            position,
+            torque: false,
+            silent: false,
+            hardware_error: 0,
+            temperature: 30,
+        };
         Self {
-            machine: Machine::new(map, Clips::default(), show, Start::Power),
+            machine: Machine::new(map, FormulaClips::default(), show, Start::Power),
             motors: positions.map(motor),
             bus: Ok(()),
             late: false,
             action: None,
-            actions: std::vec::Vec::new(),
+            actions: Vec::new(),
             readings: [None; SERVOS],
             told: HashMap::new(),
             velocity: [None; SERVOS],
@@ -177,8 +184,8 @@ impl<'m> World<'m> {
         let readings = self.readings;
         let feedback =
             Feedback { readings: &readings, bus: self.bus, action: self.action.take(), late: self.late };
-        let plan = self.machine.tick(&feedback);
-        let (action, goals) = (plan.action, plan.goals.to_vec());
+        let output = self.machine.tick(&feedback);
+        let (action, goals) = (output.action, output.goals.to_vec());
         for (index, goal) in goals.iter().enumerate() {
             let joint = joint(goal.id);
             let motor = &mut self.motors[index];
@@ -215,7 +222,7 @@ impl<'m> World<'m> {
 
     pub(crate) fn act(&mut self, action: Action) -> Result<(), BusError> {
         self.bus?;
-        let reach = |motor: &Motor| if motor.silent { Err(BusError::NoReply) } else { Ok(()) };
+        let reach = |motor: &TestServo| if motor.silent { Err(BusError::NoReply) } else { Ok(()) };
         match action {
             Action::Ping { servo } => reach(&self.motors[servo]),
             Action::TorqueOn { servo } => {
@@ -257,7 +264,7 @@ impl<'m> World<'m> {
     }
 
     pub(crate) fn until_state(&mut self, limit: u32, state: State) -> u32 {
-        self.until(limit, |world| world.machine.state() == state)
+        self.until(limit, |puppet| puppet.machine.state() == state)
     }
 
     pub(crate) fn positions(&self) -> [i32; SERVOS] {

@@ -1,192 +1,16 @@
 //! A clip that plays: frames out of a decoder, in time, interpolated to the tick.
 
 use crate::clock::{Clock, Speed};
+use crate::frames::Frames;
 use crate::interpolate::{Fraction, catmull_rom, lerp};
 use crate::map::{Interpolation, JointMap};
-use core::fmt;
-use decoder_core::{Error, I16F16, mclip, qmd};
+use crate::play_error::PlayError;
+use decoder_core::Error;
 use heapless::Vec;
-use serde::{Deserialize, Serialize};
-
-/// Where frames come from, in order.
-///
-/// A frame has one value a channel. Angles are taken to be continuous from frame to frame (the encoder unwraps
-/// them): interpolation does not know that 360° is 0°.
-pub trait Frames {
-    /// Values in a frame.
-    fn channels(&self) -> usize;
-
-    /// Frames of the clip.
-    fn frames(&self) -> u32;
-
-    /// Frames per second, in hundredths.
-    fn rate_centihertz(&self) -> u16;
-
-    /// Number of the frame that [`next_frame`](Self::next_frame) gives.
-    fn position(&self) -> u32;
-
-    /// The next frame; `None` after the last one.
-    ///
-    /// # Errors
-    /// What is wrong with the clip; it gives no further frame then.
-    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error>;
-
-    /// Goes to the last frame at or before `frame` that can be reached without decoding. Takes a short and bounded time,
-    /// so it may be far before.
-    fn approach(&mut self, frame: u32);
-}
-
-impl<F: Frames + ?Sized> Frames for &mut F {
-    fn channels(&self) -> usize {
-        (**self).channels()
-    }
-
-    fn frames(&self) -> u32 {
-        (**self).frames()
-    }
-
-    fn rate_centihertz(&self) -> u16 {
-        (**self).rate_centihertz()
-    }
-
-    fn position(&self) -> u32 {
-        (**self).position()
-    }
-
-    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
-        (**self).next_frame()
-    }
-
-    fn approach(&mut self, frame: u32) {
-        (**self).approach(frame);
-    }
-}
-
-impl Frames for qmd::Decoder<'_, '_> {
-    fn channels(&self) -> usize {
-        self.clip().channels()
-    }
-
-    fn frames(&self) -> u32 {
-        self.clip().frames()
-    }
-
-    fn rate_centihertz(&self) -> u16 {
-        self.clip().rate_centihertz()
-    }
-
-    fn position(&self) -> u32 {
-        self.position()
-    }
-
-    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
-        Ok(self.next_frame())
-    }
-
-    fn approach(&mut self, frame: u32) {
-        if self.position() > frame {
-            self.rewind();
-        }
-    }
-}
-
-impl Frames for mclip::Decoder<'_, '_> {
-    fn channels(&self) -> usize {
-        self.clip().channels()
-    }
-
-    fn frames(&self) -> u32 {
-        self.clip().frames()
-    }
-
-    fn rate_centihertz(&self) -> u16 {
-        self.clip().header().rate_centihertz()
-    }
-
-    fn position(&self) -> u32 {
-        self.position()
-    }
-
-    fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
-        self.next_frame()
-    }
-
-    fn approach(&mut self, frame: u32) {
-        // Where headers of blocks are damaged, decoding from the start comes upon them and says so.
-        if self.approach(frame).is_err() {
-            self.rewind();
-        }
-    }
-}
-
-/// Why a clip cannot be played by a map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum PlayError {
-    /// The clip does not say its rate.
-    Rate,
-    /// There is no frame to play.
-    NoFrames,
-    /// A joint follows a channel that the clip does not have.
-    Channel {
-        /// The servo.
-        id: u8,
-        /// The channel.
-        channel: u16,
-        /// Channels of the clip.
-        channels: usize,
-    },
-    /// The clip is damaged.
-    Clip(Error),
-    /// Too many clips wait already.
-    QueueFull,
-    /// There is no such clip.
-    NoClip {
-        /// Its number.
-        clip: u16,
-    },
-    /// All decoders are in use, or the live stream plays already.
-    NoDecoder,
-    /// The clip is one of another skeleton, or of other channels of it.
-    Channels {
-        /// Channels of the clip.
-        found: usize,
-        /// Those that the map was made for.
-        expected: u16,
-    },
-}
-
-impl fmt::Display for PlayError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Rate => f.write_str("the clip does not say its frame rate"),
-            Self::NoFrames => f.write_str("the clip has no frames"),
-            Self::Channel { id, channel, channels } => {
-                write!(
-                    f,
-                    "servo {id} follows channel {channel} (from 0), but the clip has {channels} channels"
-                )
-            }
-            Self::Clip(error) => error.fmt(f),
-            Self::QueueFull => f.write_str("too many clips wait already"),
-            Self::NoClip { clip } => write!(f, "there is no clip {clip}"),
-            Self::NoDecoder => f.write_str("no decoder is free"),
-            Self::Channels { found, expected } => {
-                write!(
-                    f,
-                    "the clip has {found} channels, expected {expected}, which the joint map was made for"
-                )
-            }
-        }
-    }
-}
-
-impl core::error::Error for PlayError {}
 
 /// A clip and where it is. Tick `k` is at time `k / tick_hz`, and frame `i` at time `i / rate`.
 #[derive(Debug)]
-pub struct Voice<F, const N: usize> {
+pub struct Playback<F, const N: usize> {
     frames: F,
     clock: Clock,
     /// How far the tick is from that frame to the next one: a divide, for all joints.
@@ -195,7 +19,7 @@ pub struct Voice<F, const N: usize> {
     frame: u32,
     /// Whether the first frame comes after the last one.
     repeats: bool,
-    /// Frames that `taps` repeats the last one for: with 2 the voice is at the last frame.
+    /// Frames that `taps` repeats the last one for: with 2 the playback is at the last frame.
     beyond: u8,
     /// For every joint its goal, fine, in the frame before the one before the tick, and in those after.
     taps: Vec<[i32; 4], N>,
@@ -203,11 +27,11 @@ pub struct Voice<F, const N: usize> {
     seek: Option<u32>,
 }
 
-/// Frames that a voice decodes in a tick at most to get to where it shall start.
+/// Frames that a playback decodes in a tick at most to get to where it shall start.
 pub const SEEK_FRAMES: u32 = 8;
 
-impl<F: Frames, const N: usize> Voice<F, N> {
-    /// A voice before frame `start`, or the last one if there are not so many. It starts there after
+impl<F: Frames, const N: usize> Playback<F, N> {
+    /// A playback before frame `start`, or the last one if there are not so many. It starts there after
     /// [`seek`](Self::seek) returned true.
     ///
     /// # Errors

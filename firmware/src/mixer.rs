@@ -3,25 +3,12 @@
 use crate::clock::Speed;
 use crate::fault::Fault;
 use crate::interpolate::{Fraction, least_jerk, lerp};
-use crate::machine::Show;
+use crate::library::Library;
 use crate::map::JointMap;
-use crate::voice::{Frames, PlayError, Voice};
+use crate::play_error::PlayError;
+use crate::playback::Playback;
+use crate::show::Show;
 use heapless::Deque;
-
-/// Clips by number. At most two decoders are open at a time, so memory for two is enough.
-pub trait Library {
-    /// A decoder.
-    type Frames: Frames;
-
-    /// A decoder before the first frame of clip `clip`.
-    ///
-    /// # Errors
-    /// [`PlayError::NoClip`], or what is wrong with the clip.
-    fn open(&mut self, clip: u16) -> Result<Self::Frames, PlayError>;
-
-    /// Takes a decoder back, and the memory that it had.
-    fn close(&mut self, frames: Self::Frames);
-}
 
 /// Clips that can wait.
 pub const QUEUE: usize = 8;
@@ -48,11 +35,11 @@ impl Cue {
 #[derive(Debug)]
 struct Playing<F, const N: usize> {
     cue: Cue,
-    voice: Voice<F, N>,
+    playback: Playback<F, N>,
 }
 
 /// The clips that play, and those that wait.
-pub struct Stage<'m, L: Library, const N: usize> {
+pub struct Mixer<'m, L: Library, const N: usize> {
     map: &'m JointMap<N>,
     library: L,
     show: Show<'m>,
@@ -73,7 +60,7 @@ pub struct Stage<'m, L: Library, const N: usize> {
     paused: bool,
 }
 
-impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
+impl<'m, L: Library, const N: usize> Mixer<'m, L, N> {
     /// Before the first clip of the show.
     pub const fn new(map: &'m JointMap<N>, library: L, show: Show<'m>) -> Self {
         Self {
@@ -111,7 +98,7 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
     /// The clip that plays, its frame before the tick, and how far the tick is from that in 1/65536 of a frame.
     pub fn position(&self) -> Option<(u16, u32, u16)> {
         let playing = self.current.as_ref()?;
-        let (frame, phase) = playing.voice.position();
+        let (frame, phase) = playing.playback.position();
         Some((playing.cue.clip, frame, phase))
     }
 
@@ -125,9 +112,9 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
     pub fn pose(&self, wanted: &mut [i32]) -> bool {
         let interpolation = self.map.settings().interpolation;
         let Some(current) = &self.current else { return false };
-        current.voice.pose(interpolation, wanted, |wanted, goal| *wanted = goal);
+        current.playback.pose(interpolation, wanted, |wanted, goal| *wanted = goal);
         if let (Some(next), Some(_)) = (&self.next, self.faded) {
-            next.voice.pose(interpolation, wanted, |wanted, goal| *wanted = lerp(*wanted, goal, self.mix));
+            next.playback.pose(interpolation, wanted, |wanted, goal| *wanted = lerp(*wanted, goal, self.mix));
         }
         true
     }
@@ -144,7 +131,7 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
     pub(crate) fn queue(&mut self, clip: u16, repeats: bool) -> Result<(), PlayError> {
         self.queue.push_back(Cue::of(clip, repeats)).map_err(|_| PlayError::QueueFull)?;
         if let Some(playing) = &mut self.current {
-            playing.voice.end();
+            playing.playback.end();
         }
         Ok(())
     }
@@ -173,7 +160,7 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
     pub(crate) fn sync(&mut self, frame: u32, fraction: u16) -> Result<(), PlayError> {
         match &mut self.current {
             Some(playing) if self.next.is_none() && self.now.is_none() => {
-                if playing.voice.follow(frame, fraction) { Ok(()) } else { self.seek(frame) }
+                if playing.playback.follow(frame, fraction) { Ok(()) } else { self.seek(frame) }
             }
             _ => Ok(()),
         }
@@ -194,7 +181,7 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
     /// Leaves all clips, also those that wait.
     pub(crate) fn drop_clips(&mut self) {
         let playing = [self.current.take(), self.next.take()];
-        playing.into_iter().flatten().for_each(|playing| self.library.close(playing.voice.into_frames()));
+        playing.into_iter().flatten().for_each(|playing| self.library.close(playing.playback.into_frames()));
         self.faded = None;
         self.now = None;
         self.queue.clear();
@@ -209,7 +196,7 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
         }
         self.begin()?;
         match &mut self.current {
-            Some(playing) => playing.voice.seek(self.map).map_err(|error| Fault::Clip { error }),
+            Some(playing) => playing.playback.seek(self.map).map_err(|error| Fault::Clip { error }),
             None => Ok(true),
         }
     }
@@ -224,25 +211,25 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
         }
         let Some(playing) = &mut self.current else { return Ok(false) };
         // The last frame has its tick as well.
-        let ended = playing.voice.ended();
-        playing.voice.advance(self.map, self.speed).map_err(damaged)?;
-        let (left, idle) = (playing.voice.left(), playing.cue.idle);
+        let ended = playing.playback.ended();
+        playing.playback.advance(self.map, self.speed).map_err(damaged)?;
+        let (left, idle) = (playing.playback.left(), playing.cue.idle);
         if let Some(next) = &mut self.next {
             match &mut self.faded {
                 Some(faded) => {
-                    next.voice.advance(self.map, self.speed).map_err(damaged)?;
+                    next.playback.advance(self.map, self.speed).map_err(damaged)?;
                     *faded += 1;
                     let ticks = self.map.settings().fade_ticks();
                     self.mix = least_jerk(Fraction::of((*faded).min(ticks), ticks + 1));
                 }
-                None if next.voice.seek(self.map).map_err(damaged)? => {
+                None if next.playback.seek(self.map).map_err(damaged)? => {
                     (self.faded, self.mix) = (Some(0), Fraction::START);
                 }
                 None => {}
             }
             if self.faded.is_some_and(|faded| faded > self.map.settings().fade_ticks()) {
                 let last = core::mem::replace(&mut self.current, self.next.take());
-                last.into_iter().for_each(|playing| self.library.close(playing.voice.into_frames()));
+                last.into_iter().for_each(|playing| self.library.close(playing.playback.into_frames()));
                 self.faded = None;
             }
             return Ok(true);
@@ -257,7 +244,7 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
             self.current
                 .take()
                 .into_iter()
-                .for_each(|playing| self.library.close(playing.voice.into_frames()));
+                .for_each(|playing| self.library.close(playing.playback.into_frames()));
             return Ok(false);
         }
         self.begin()?;
@@ -268,7 +255,10 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
     fn cue(&mut self, cue: Cue) -> Result<(), PlayError> {
         if self.next.is_none() || self.faded.is_none() {
             // What was to come, and has not begun, is not to come any more.
-            self.next.take().into_iter().for_each(|playing| self.library.close(playing.voice.into_frames()));
+            self.next
+                .take()
+                .into_iter()
+                .for_each(|playing| self.library.close(playing.playback.into_frames()));
             self.start(cue)
         } else {
             self.now = Some(cue);
@@ -291,15 +281,15 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
 
     fn start(&mut self, cue: Cue) -> Result<(), PlayError> {
         let frames = self.library.open(cue.clip)?;
-        let voice = match Voice::new(frames, self.map, cue.repeats, cue.start) {
-            Ok(voice) => voice,
+        let playback = match Playback::new(frames, self.map, cue.repeats, cue.start) {
+            Ok(playback) => playback,
             Err((error, frames)) => {
                 self.library.close(frames);
                 return Err(error);
             }
         };
         let place = if self.current.is_none() { &mut self.current } else { &mut self.next };
-        *place = Some(Playing { cue, voice });
+        *place = Some(Playing { cue, playback });
         self.now = None;
         Ok(())
     }
@@ -325,7 +315,7 @@ impl<'m, L: Library, const N: usize> Stage<'m, L, N> {
 
     /// Frames of the clip that plays in which it fades.
     fn fade_frames(&self) -> u32 {
-        let rate = self.current.as_ref().map_or(0, |playing| playing.voice.rate_centihertz());
+        let rate = self.current.as_ref().map_or(0, |playing| playing.playback.rate_centihertz());
         // Both products fit: the speed is at most 1024.
         let doubled = u32::from(rate) * u32::from(self.map.settings().fade_millis) / 2000;
         doubled * u32::from(self.speed.parts()) / (50 * 256)

@@ -2,8 +2,8 @@
 
 use crate::bus::{Reading, ServoBus};
 use crate::fault::Feedback;
+use crate::library::Library;
 use crate::machine::{Action, Machine, State};
-use crate::stage::Library;
 use heapless::Vec;
 
 /// What surrounds a puppet: its clock, those who command it, and the controller's watchdog.
@@ -23,9 +23,9 @@ pub trait Surroundings<L: Library, const N: usize> {
 
 /// Drives a puppet until [`Surroundings::control`] ends it; returns the number of ticks.
 ///
-/// A tick is: goals to all servos, the plan's action, readings of all servos. So a servo that is turned on has a goal. `bus` has the joints of the map in their
+/// A tick is: goals to all servos, the output's action, readings of all servos. So a servo that is turned on has a goal. `bus` has the joints of the map in their
 /// order, and returns within times that it states, so that nothing here can hang.
-pub async fn drive<L, B, S, const N: usize>(
+pub async fn control_loop<L, B, S, const N: usize>(
     machine: &mut Machine<'_, L, N>,
     bus: &mut B,
     surroundings: &mut S,
@@ -44,9 +44,9 @@ where
         if !surroundings.control(machine, &feedback) {
             return tick;
         }
-        let plan = machine.tick(&feedback);
-        sent = if plan.goals.is_empty() { Ok(()) } else { bus.write_goals(plan.goals).await };
-        acted = match plan.action {
+        let output = machine.tick(&feedback);
+        sent = if output.goals.is_empty() { Ok(()) } else { bus.write_goals(output.goals).await };
+        acted = match output.action {
             Some(action) => Some(act(bus, &ids, action).await),
             None => None,
         };
@@ -86,7 +86,7 @@ async fn act<B: ServoBus>(bus: &mut B, ids: &[u8], action: Action) -> Result<(),
 mod tests {
     use super::*;
     use crate::bus::{BusError, Goal};
-    use crate::machine::world::{Clips, SERVOS, map};
+    use crate::machine::test_puppet::{FormulaClips, SERVOS, map};
     use crate::machine::{Show, Start};
     use crate::map::Settings;
     use core::future::Future;
@@ -173,12 +173,12 @@ mod tests {
         ticks: u32,
     }
 
-    impl Surroundings<Clips, 4> for Script {
+    impl Surroundings<FormulaClips, 4> for Script {
         async fn wait(&mut self, tick: u32) -> bool {
             assert_eq!(tick, self.ticks);
             false
         }
-        fn control(&mut self, machine: &mut Machine<'_, Clips, 4>, feedback: &Feedback<'_>) -> bool {
+        fn control(&mut self, machine: &mut Machine<'_, FormulaClips, 4>, feedback: &Feedback<'_>) -> bool {
             assert_eq!(feedback.readings.len(), SERVOS);
             self.ticks += 1;
             self.ticks <= self.until && !machine.at_rest()
@@ -192,10 +192,10 @@ mod tests {
     fn servos_are_found_read_and_turned_on_where_they_are() {
         let map = map(Settings::new(100));
         let show = Show { playlist: &[1], ..Show::default() };
-        let mut machine = Machine::new(&map, Clips::default(), show, Start::Power);
+        let mut machine = Machine::new(&map, FormulaClips::default(), show, Start::Power);
         let mut bus = Bench { position: [2100, 1900, 2000], ..Bench::default() };
         let mut script = Script { until: 2000, fed: 0, ticks: 0 };
-        let ticks = ready(drive(&mut machine, &mut bus, &mut script));
+        let ticks = ready(control_loop(&mut machine, &mut bus, &mut script));
         assert_eq!((script.fed, script.ticks), (ticks, ticks + 1));
         assert_eq!(machine.state(), State::Resting);
         assert_eq!(bus.position, [2000; SERVOS]);

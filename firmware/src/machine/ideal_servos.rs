@@ -1,19 +1,21 @@
 //! A machine without a bus: for measuring, and for looking at what it will do.
 
-use super::{Action, Machine, Plan, State};
+use super::state::State;
+use super::state_machine::Machine;
+use super::tick_output::{Action, TickOutput};
 use crate::bus::{Goal, Reading};
 use crate::fault::Feedback;
-use crate::stage::Library;
+use crate::library::Library;
 use heapless::Vec;
 
 /// Servos that are at once where they are told to be, and never fail.
 #[derive(Debug)]
-pub struct Rehearsal<const N: usize> {
+pub struct IdealServos<const N: usize> {
     readings: Vec<Option<Reading>, N>,
     acted: bool,
 }
 
-impl<const N: usize> Rehearsal<N> {
+impl<const N: usize> IdealServos<N> {
     /// Servos at the machine's home pose.
     pub fn new<L: Library>(machine: &Machine<'_, L, N>) -> Self {
         let at = |position| {
@@ -34,7 +36,7 @@ impl<const N: usize> Rehearsal<N> {
     pub fn tick<'p, L: Library>(&mut self, machine: &'p mut Machine<'_, L, N>) -> &'p [Goal] {
         let action = self.acted.then_some(Ok(()));
         let feedback = Feedback { readings: &self.readings, bus: Ok(()), action, late: false };
-        let Plan { goals, action } = machine.tick(&feedback);
+        let TickOutput { goals, action } = machine.tick(&feedback);
         self.acted = action.is_some();
         for (goal, reading) in goals.iter().zip(&mut self.readings) {
             if let Some(reading) = reading {
