@@ -11,7 +11,7 @@ use core::panic::PanicInfo;
 use core::ptr::{addr_of, addr_of_mut};
 use decoder_core::predict::Correlation;
 use decoder_core::qmd::{Clip, Stream};
-use decoder_core::{I16F16, Limits, float, mclip};
+use decoder_core::{I16F16, Limits, mclip, word};
 
 static mut BYTES: [u8; 4096] = [0; 4096];
 static mut POSE: [I16F16; 64] = [I16F16::ZERO; 64];
@@ -45,7 +45,7 @@ fn lend<T, const N: usize>(array: *mut [T; N], length: u32) -> &'static mut [T] 
 extern "C" fn entry() -> ! {
     loop {
         let limits = Limits { channels: number(0) as u16, frames: number(1) };
-        black_box(float::fixed_from_f32_bits(number(2)));
+        black_box(word::fixed_from_f32_bits(number(2)));
         let _ = black_box(in_memory(limits));
         let _ = black_box(streamed(limits));
         let _ = black_box(mclip_in_memory(limits));
