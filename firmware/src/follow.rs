@@ -5,8 +5,8 @@
 //! velocity and acceleration are limited behind whatever comes.
 
 use crate::blender::Parser;
+use crate::frames::Frames;
 use crate::map::{Joint, JointMap, MapError};
-use crate::voice::Frames;
 use core::cell::RefCell;
 use decoder_core::{Error, I16F16};
 use heapless::Vec;
@@ -153,8 +153,8 @@ mod tests {
     use super::*;
     use crate::blender::frame;
     use crate::bus::{Goal, Reading};
+    use crate::decoder_list::SingleClip;
     use crate::fault::{Fault, Feedback};
-    use crate::library::Single;
     use crate::machine::{Action, Command, Machine, Show, Start, State};
     use crate::map::{BusKind, BusSpec, Idle, Settings};
 
@@ -192,7 +192,7 @@ mod tests {
         mut input: impl FnMut(u32, State, &Follow<'_, 4>),
     ) -> (std::vec::Vec<[i32; 2]>, State, Option<Fault>) {
         let show = Show { playlist: &[0], ..Show::default() };
-        let mut machine = Machine::new(map, Single::<_>::new(follow.frames(), None), show, Start::Power);
+        let mut machine = Machine::new(map, SingleClip::<_>::new(follow.frames(), None), show, Start::Power);
         let mut readings = [2000, 1000].map(|position| Reading {
             position,
             temperature: None,

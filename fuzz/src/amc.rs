@@ -1,8 +1,8 @@
 //! AMC motions, of the embedded skeleton.
 
 use crate::{Random, text};
-use encoder::import::amc;
-use encoder::{Clip, export, sample};
+use mocap::import::amc;
+use mocap::{Clip, export, sample};
 use std::sync::LazyLock;
 
 static SAMPLE: LazyLock<Clip> = LazyLock::new(sample::clip);
@@ -12,12 +12,12 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let Clip { skeleton, motion } = &*SAMPLE;
     let some = |frames: usize| {
         let samples = motion.samples[..frames * motion.channels].to_vec();
-        written(&encoder::Motion { samples, ..motion.clone() }, skeleton)
+        written(&mocap::Motion { samples, ..motion.clone() }, skeleton)
     };
     vec![some(1), some(8)]
 }
 
-fn written(motion: &encoder::Motion, skeleton: &encoder::Skeleton) -> Vec<u8> {
+fn written(motion: &mocap::Motion, skeleton: &mocap::Skeleton) -> Vec<u8> {
     let mut text = Vec::new();
     export::amc::write(&mut text, skeleton, motion, export::amc::Rotations::AsTheyAre)
         .unwrap_or_else(|error| panic!("a motion that was read: {error}"));

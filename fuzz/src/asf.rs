@@ -1,8 +1,8 @@
 //! ASF skeletons.
 
 use crate::text;
-use encoder::import::asf;
-use encoder::sample;
+use mocap::import::asf;
+use mocap::sample;
 
 /// The embedded skeleton.
 pub fn seeds() -> Vec<Vec<u8>> {

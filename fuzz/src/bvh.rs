@@ -1,8 +1,8 @@
 //! BVH files.
 
 use crate::{Random, text};
-use encoder::import::bvh;
-use encoder::{export, sample};
+use mocap::import::bvh;
+use mocap::{export, sample};
 
 /// Some frames of the embedded clip.
 pub fn seeds() -> Vec<Vec<u8>> {

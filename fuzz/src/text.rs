@@ -1,10 +1,10 @@
 //! What must hold for any text that is imported.
 
-use encoder::import::ImportError;
-use encoder::kinematics::Kinematics;
-use encoder::mclip::{Encoder, Quality, Settings};
+use encoder::mclip::{self, Encoder, Quality, Settings};
 use encoder::qmd::{self, Method, Parameters};
-use encoder::{Clip, Motion, Skeleton, mclip};
+use mocap::import::ImportError;
+use mocap::kinematics::Kinematics;
+use mocap::{Clip, Motion, Skeleton};
 
 use crate::Random;
 use decoder_core::mclip::CodecId;

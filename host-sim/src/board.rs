@@ -278,7 +278,7 @@ mod tests {
                 );
             }
             let puppet = puppet::Puppet::parse(std::path::Path::new("puppet.toml"), text).unwrap();
-            puppet.map(&encoder::sample::clip().skeleton).unwrap()
+            puppet.map(&mocap::sample::clip().skeleton).unwrap()
         };
         let refused = |board: &Board, buses: &[(&str, u32)], id| {
             board.has_buses_of(&puppet(buses, id)).map_err(|error| error.to_string())

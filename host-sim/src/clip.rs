@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail};
 use decoder_core::{I16F16, Limits, mclip, qmd};
 use encoder::mclip::Lent;
-use firmware::voice::Frames;
+use firmware::frames::Frames;
 use std::path::Path;
 
 /// A clip in one of our two containers, which was checked.
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn both_containers_are_known_by_what_they_hold() {
-        let sample = encoder::sample::clip();
+        let sample = mocap::sample::clip();
         let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
         let mut mclip = encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Bits(8));
         let qmd = encoder::qmd::encode(&sample, Parameters::TABLE_1, Method::ClosedLoop).unwrap();

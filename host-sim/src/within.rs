@@ -6,7 +6,7 @@ use crate::thumb::Core;
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::mclip::{Encoded, Encoder, Predictor, Quality, Settings, Target, certify};
-use encoder::metrics::Evaluator;
+use mocap::metrics::Evaluator;
 use std::path::Path;
 use std::str::FromStr;
 

@@ -4,7 +4,7 @@ use crate::vectors::{LIMITS, Vector, hex, listed};
 use decoder_core::mclip::{Clip, CodecId, Receiver, Stream};
 use decoder_core::{Error, Limits};
 use encoder::mclip::{Encoder, Lent, Quality, Settings};
-use encoder::sample;
+use mocap::sample;
 use sha2::{Digest, Sha256};
 
 /// The list of vectors.

@@ -3,8 +3,8 @@
 use crate::{motion, workspace};
 use decoder_core::qmd::Clip;
 use decoder_core::{Error, I16F16, Limits};
-use encoder::qmd::{Method, Parameters};
-use encoder::{import, qmd, sample};
+use encoder::qmd::{self, Method, Parameters};
+use mocap::{import, sample};
 use sha2::{Digest, Sha256};
 use std::fs;
 use std::path::PathBuf;
@@ -62,7 +62,7 @@ const TRIALS: [(&str, &str); 6] =
 /// Where one cannot be read or encoded.
 pub fn with_trials() -> Vec<Vector> {
     let mut vectors = all();
-    let mut add = |name: &str, clip: &encoder::Clip| {
+    let mut add = |name: &str, clip: &mocap::Clip| {
         let bytes = qmd::encode(clip, Parameters::TABLE_1, Method::ClosedLoop)
             .unwrap_or_else(|error| panic!("{name}: {error}"));
         let sha256 = sha256_of_frames(&bytes, true).unwrap_or_else(|error| panic!("{name}: {error}"));

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{bunraku, npm_package, require_target, workspace};
-use encoder::sample;
+use mocap::sample;
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -46,8 +46,8 @@ impl Bench {
         let clip = sample::clip();
         fs::write(path("sample.asf"), sample::asf()).unwrap();
         let mut amc = Vec::new();
-        let rotations = encoder::export::amc::Rotations::AsTheyAre;
-        encoder::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
+        let rotations = mocap::export::amc::Rotations::AsTheyAre;
+        mocap::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
         fs::write(path("sample.amc"), amc).unwrap();
         encode(folder.path(), "clip.qmd", &[]);
         let mut emulate = bunraku();

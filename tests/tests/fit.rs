@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{bunraku, workspace};
-use encoder::sample;
+use mocap::sample;
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,8 +18,8 @@ impl Files {
         let folder = tempfile::tempdir().unwrap();
         let clip = sample::clip();
         let mut amc = Vec::new();
-        let rotations = encoder::export::amc::Rotations::AsTheyAre;
-        encoder::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
+        let rotations = mocap::export::amc::Rotations::AsTheyAre;
+        mocap::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
         fs::write(folder.path().join("sample.amc"), amc).unwrap();
         fs::write(folder.path().join("sample.asf"), sample::asf()).unwrap();
         Self { folder }

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use bunraku_tests::{motion, python, workspace};
-use encoder::import::{self, Clip, bvh};
-use encoder::kinematics::Kinematics;
-use encoder::{Skeleton, export, sample};
+use mocap::Clip;
+use mocap::import::{self, bvh};
+use mocap::kinematics::Kinematics;
+use mocap::{Skeleton, export, sample};
 
 const ALLOWED: f64 = 1e-3;
 

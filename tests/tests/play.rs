@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{bunraku, motion, npm_package, require_program, require_target, workspace};
-use encoder::sample;
+use mocap::sample;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -55,8 +55,8 @@ fn write_sample(folder: &Path) -> (PathBuf, PathBuf) {
     let clip = sample::clip();
     fs::write(&skeleton, sample::asf()).unwrap();
     let mut amc = Vec::new();
-    let rotations = encoder::export::amc::Rotations::AsTheyAre;
-    encoder::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
+    let rotations = mocap::export::amc::Rotations::AsTheyAre;
+    mocap::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
     fs::write(&motion, amc).unwrap();
     (motion, skeleton)
 }

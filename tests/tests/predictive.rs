@@ -61,7 +61,7 @@ fn trained_multipliers_beat_jayants_on_clips_held_out() {
             let file = |name: &str| folder.join("cmu").join(name);
             let subject = name.split('_').next().unwrap();
             let skeleton = file(&format!("{subject}.asf"));
-            encoder::import::load(&file(&format!("{name}.amc")), Some(&skeleton), None).unwrap()
+            mocap::import::load(&file(&format!("{name}.amc")), Some(&skeleton), None).unwrap()
         })
         .collect();
     let encoders: Vec<Encoder> =

@@ -3,7 +3,7 @@
 #![cfg(unix)]
 
 use bunraku_tests::{bunraku, workspace};
-use encoder::sample;
+use mocap::sample;
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -57,8 +57,8 @@ fn clip(folder: &Path) -> PathBuf {
     let (motion, clip) = (folder.join("sample.amc"), folder.join("sample.mclip"));
     let motion_of = sample::clip();
     let mut amc = Vec::new();
-    let rotations = encoder::export::amc::Rotations::AsTheyAre;
-    encoder::export::amc::write(&mut amc, &motion_of.skeleton, &motion_of.motion, rotations).unwrap();
+    let rotations = mocap::export::amc::Rotations::AsTheyAre;
+    mocap::export::amc::write(&mut amc, &motion_of.skeleton, &motion_of.motion, rotations).unwrap();
     fs::write(&motion, amc).unwrap();
     let mut encode = bunraku();
     encode.arg("encode").arg(&motion).arg("--skeleton").arg(folder.join("sample.asf"));

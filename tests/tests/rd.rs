@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::bunraku;
-use encoder::sample;
+use mocap::sample;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -13,10 +13,10 @@ fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let clip = sample::clip();
     let mut amc = Vec::new();
-    let rotations = encoder::export::amc::Rotations::AsTheyAre;
-    encoder::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
+    let rotations = mocap::export::amc::Rotations::AsTheyAre;
+    mocap::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
     let mut bvh = Vec::new();
-    encoder::export::bvh::write(&mut bvh, &clip.skeleton, &clip.motion).unwrap();
+    mocap::export::bvh::write(&mut bvh, &clip.skeleton, &clip.motion).unwrap();
     for (name, bytes) in [("puppet.asf", sample::asf().as_bytes()), ("walk.amc", &amc), ("walk.bvh", &bvh)] {
         fs::write(folder.path().join(name), bytes).unwrap();
     }

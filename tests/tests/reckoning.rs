@@ -3,8 +3,8 @@
 
 use bunraku_tests::live::{Clip, clips};
 use decoder_core::I16F16;
-use encoder::kinematics::Kinematics;
 use firmware::stream::{AVERAGE_MILLIS, DECAY_MILLIS, EASE_MILLIS, Reckoner, Reckoning};
+use mocap::kinematics::Kinematics;
 
 /// Gaps in ms.
 const GAPS: [usize; 4] = [33, 100, 200, 500];

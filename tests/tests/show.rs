@@ -4,8 +4,8 @@
 
 use bunraku_tests::{bunraku, motion, require_program, require_target, workspace};
 use encoder::mclip::{Encoder, Quality, Settings};
-use encoder::{Motion, sample};
 use host_sim::show::{self, Program, Summary};
+use mocap::{Motion, sample};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -235,7 +235,7 @@ fn the_board_sends_the_same_bytes_as_in_qemu() {
     }
     let clip = vectors::with_trials().into_iter().find(|vector| vector.name == "sample").unwrap();
     let puppet = Puppet::read(&workspace().join("puppets/sample.toml")).unwrap();
-    let map = puppet.map(&encoder::sample::clip().skeleton).unwrap();
+    let map = puppet.map(&mocap::sample::clip().skeleton).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("board");
     let elf = board::QEMU_MPS2.build(&clip.bytes, &map, 0).unwrap();

@@ -547,7 +547,7 @@ fn images(core: Core) -> Vec<Vec<u8>> {
     let test = |binary| fs::read(cargo::image("on-target", binary, target, "firmware", &[])).unwrap();
     let clip = vectors::with_trials().into_iter().find(|vector| vector.name == "sample").unwrap().bytes;
     let puppet = Puppet::read(&workspace().join("puppets/sample.toml")).unwrap();
-    let map = puppet.map(&encoder::sample::clip().skeleton).unwrap();
+    let map = puppet.map(&mocap::sample::clip().skeleton).unwrap();
     let mut images = vec![test("stream")];
     if core.arch() != Arch::V6M {
         images.push(test("in-place"));

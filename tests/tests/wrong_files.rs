@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::bunraku;
-use encoder::sample;
+use mocap::sample;
 use std::fs;
 use std::path::Path;
 use std::process::Output;
@@ -32,11 +32,11 @@ fn folder() -> tempfile::TempDir {
     let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
     write("puppet.asf", sample::asf().as_bytes());
     let mut amc = Vec::new();
-    let rotations = encoder::export::amc::Rotations::AsTheyAre;
-    encoder::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
+    let rotations = mocap::export::amc::Rotations::AsTheyAre;
+    mocap::export::amc::write(&mut amc, &clip.skeleton, &clip.motion, rotations).unwrap();
     write("walk.amc", &amc);
     let mut bvh = Vec::new();
-    encoder::export::bvh::write(&mut bvh, &clip.skeleton, &clip.motion).unwrap();
+    mocap::export::bvh::write(&mut bvh, &clip.skeleton, &clip.motion).unwrap();
     write("walk.bvh", &bvh);
     write("cut.bvh", &bvh[..bvh.len() / 2]);
     write("cut-early.bvh", &bvh[..200]);

@@ -19,11 +19,11 @@ mod target;
 pub mod train;
 mod writer;
 
-use crate::motion::Motion;
 use crate::qmd::{EncodeError, Source};
-use crate::skeleton::Skeleton;
 use decoder_core::Limits;
-use decoder_core::mclip::{Clip, CodecId, EntropyId, Opening};
+use decoder_core::mclip::{ChannelKind, Clip, CodecId, EntropyId, Opening};
+use mocap::motion::Motion;
+use mocap::skeleton::{Dof, Skeleton};
 use plan::{Choice, Column};
 use run::Plan;
 use train::Steps;
@@ -242,7 +242,7 @@ impl<'m> Encoder<'m> {
         let least = (LEVER_CM * 1_f64.to_radians()).powi(2);
         let channels = self.source.weights.iter().zip(&self.skeleton.channels);
         let weights = channels
-            .map(|(&weight, channel)| weight.max(if channel.kind.is_rotation() { least } else { 0.0 }));
+            .map(|(&weight, channel)| weight.max(if channel.dof.is_rotation() { least } else { 0.0 }));
         weights.map(|weight| 65536.0 * cm / weight.sqrt()).collect()
     }
 
@@ -251,7 +251,10 @@ impl<'m> Encoder<'m> {
         let channels =
             skeleton_channels.zip(&self.columns).zip(choices).map(|((channel, column), choice)| {
                 let joint = self.skeleton.joints[channel.joint].name.as_str();
-                decoder_core::mclip::Channel { joint, ..column.record(settings.codec, channel.kind, *choice) }
+                decoder_core::mclip::Channel {
+                    joint,
+                    ..column.record(settings.codec, kind(channel.dof), *choice)
+                }
             });
         let hundredths = u32::from(self.source.rate_centihertz);
         let whole = hundredths.is_multiple_of(100);
@@ -266,6 +269,19 @@ impl<'m> Encoder<'m> {
             entry_frames: settings.entry_frames,
             dead: settings.dead,
         }
+    }
+}
+
+/// What a clip's header says of a channel.
+const fn kind(dof: Dof) -> ChannelKind {
+    match dof {
+        Dof::Tx => ChannelKind::Tx,
+        Dof::Ty => ChannelKind::Ty,
+        Dof::Tz => ChannelKind::Tz,
+        Dof::Rx => ChannelKind::Rx,
+        Dof::Ry => ChannelKind::Ry,
+        Dof::Rz => ChannelKind::Rz,
+        Dof::Length => ChannelKind::Length,
     }
 }
 
@@ -289,9 +305,9 @@ pub fn decode(bytes: &[u8]) -> Result<Motion, decoder_core::Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::Evaluator;
-    use crate::sample;
     use decoder_core::mclip::{Receiver, Stream};
+    use mocap::metrics::Evaluator;
+    use mocap::sample;
 
     fn all_settings() -> Vec<Settings> {
         let mut all = Vec::new();

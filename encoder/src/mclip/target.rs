@@ -1,7 +1,7 @@
 //! Finds the quality that a person asks for.
 
 use super::{Encoder, Quality, Settings, decode};
-use crate::metrics::Evaluator;
+use mocap::metrics::Evaluator;
 
 /// What a clip should come to.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -184,8 +184,8 @@ fn score(encoder: &Encoder<'_>, settings: &Settings, choices: &[Choice]) -> Scor
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sample;
     use decoder_core::mclip::CodecId;
+    use mocap::sample;
 
     #[test]
     fn jayants_tables_are_in_eighths_of_a_logarithm() {

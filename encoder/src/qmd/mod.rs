@@ -19,9 +19,9 @@ mod writer;
 
 pub use source::Source;
 
-use crate::motion::Motion;
 use decoder_core::qmd::{Clip, MAX_INDEX_BITS, MIN_INDEX_BITS};
 use decoder_core::{I16F16, Limits};
+use mocap::motion::Motion;
 
 /// The three quality control parameters (paper, section 5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
@@ -149,7 +149,7 @@ pub enum EncodeError {
 ///
 /// # Errors
 /// [`EncodeError`] where the parameters or the motion do not fit the format.
-pub fn encode(clip: &crate::Clip, parameters: Parameters, method: Method) -> Result<Vec<u8>, EncodeError> {
+pub fn encode(clip: &mocap::Clip, parameters: Parameters, method: Method) -> Result<Vec<u8>, EncodeError> {
     Source::new(&clip.skeleton, &clip.motion)?.encode(parameters, method)
 }
 
@@ -173,8 +173,8 @@ pub fn decode(bytes: &[u8]) -> Result<Motion, decoder_core::Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::Evaluator;
-    use crate::{Clip as Motions, sample};
+    use mocap::metrics::Evaluator;
+    use mocap::{Clip as Motions, sample};
 
     const METHODS: [Method; 3] =
         [Method::FAITHFUL, Method::Faithful { exponent: Some(2.0) }, Method::ClosedLoop];

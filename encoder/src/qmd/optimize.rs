@@ -4,8 +4,8 @@
 //! differs from the sum by a factor and so has its minimum at the same point.
 
 use super::{EncodeError, Method, Parameters, Source, decode};
-use crate::metrics::Evaluator;
 use decoder_core::qmd::MIN_INDEX_BITS;
+use mocap::metrics::Evaluator;
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
 use std::ops::Range;
@@ -293,7 +293,7 @@ fn better(left: &Candidate, right: &Candidate) -> std::cmp::Ordering {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sample;
+    use mocap::sample;
 
     #[test]
     fn pruning_finds_the_optimum_of_the_exhaustive_search() {

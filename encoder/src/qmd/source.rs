@@ -1,9 +1,9 @@
 //! A motion made ready to be encoded, once for however many parameters.
 
 use super::{EncodeError, Method, Parameters, closed_loop, faithful, writer};
-use crate::kinematics;
-use crate::motion::Motion;
-use crate::skeleton::Skeleton;
+use mocap::kinematics;
+use mocap::motion::Motion;
+use mocap::skeleton::Skeleton;
 
 /// What encoders need of a motion.
 #[derive(Clone, Debug)]

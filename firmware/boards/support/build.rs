@@ -69,7 +69,7 @@ fn sample() -> (Vec<u8>, Vec<u8>) {
     use encoder::qmd::{Method, Parameters, encode};
     use host_sim::puppet::Puppet;
 
-    let clip = encoder::sample::clip();
+    let clip = mocap::sample::clip();
     let bytes = encode(&clip, Parameters::TABLE_1, Method::ClosedLoop).expect("the sample fits the format");
     let puppet = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../puppets/sample.toml");
     println!("cargo:rerun-if-changed={}", puppet.display());

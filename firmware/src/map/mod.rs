@@ -8,7 +8,7 @@
 use crate::clock::MAX_TICK_HZ;
 use crate::dynamixel::MAX_ID;
 use crate::limits::{FINE_BITS, Limits, MAX_VELOCITY, clamp};
-use crate::voice::PlayError;
+use crate::play_error::PlayError;
 use core::ops::Range;
 use decoder_core::I16F16;
 use heapless::Vec;

@@ -56,7 +56,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
 fn peers(args: PeersArgs) -> Result<ExitCode> {
     let (name, clip) = match &args.input {
         Some(path) => (path.display().to_string(), args.source.load(path)?),
-        None => ("embedded sample".to_owned(), encoder::sample::clip()),
+        None => ("embedded sample".to_owned(), mocap::sample::clip()),
     };
     let (frames, channels) = (clip.motion.frames(), clip.motion.channels);
     let left_out: Vec<&str> = PACKERS.into_iter().filter_map(|packer| packer.left_out()).collect();

@@ -2,7 +2,7 @@
 
 use super::input;
 use anyhow::{Context, Result};
-use encoder::metrics;
+use mocap::metrics;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

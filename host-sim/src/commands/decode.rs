@@ -1,9 +1,9 @@
 //! `bunraku decode`: a compressed clip in, motion capture out.
 
 use anyhow::{Context, Result, bail};
-use encoder::export;
-use encoder::import::{self, amc};
 use host_sim::{files, puppet};
+use mocap::export;
+use mocap::import::{self, amc};
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -2,12 +2,12 @@
 
 use super::play::write_log;
 use anyhow::{Context, Result, bail};
-use encoder::export::amc::{self, Rotations};
 use encoder::qmd::{self, Method, Parameters};
-use encoder::{metrics, sample};
 use host_sim::clip::Clip;
 use host_sim::puppet::Puppet;
 use host_sim::{files, play};
+use mocap::export::amc::{self, Rotations};
+use mocap::{metrics, sample};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -77,13 +77,7 @@ fn save(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
 }
 
 /// Encodes with the parameters of the paper's Table 1, prints how well that went, and gives the clip.
-fn encode(
-    folder: &Path,
-    name: &str,
-    title: &str,
-    original: &encoder::Clip,
-    method: Method,
-) -> Result<Vec<u8>> {
+fn encode(folder: &Path, name: &str, title: &str, original: &mocap::Clip, method: Method) -> Result<Vec<u8>> {
     let bytes = qmd::encode(original, Parameters::TABLE_1, method)?;
     save(folder, name, &bytes)?;
     let decoded = qmd::decode(&bytes)?;

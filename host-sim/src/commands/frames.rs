@@ -1,7 +1,7 @@
 //! Which frames of a motion.
 
 use anyhow::{Result, bail};
-use encoder::Motion;
+use mocap::Motion;
 use std::path::Path;
 use std::str::FromStr;
 

@@ -116,7 +116,7 @@ fn read_budget(path: &Path) -> Result<Budget> {
 
 /// The embedded clip on its puppet.
 fn sample() -> Result<(Vec<u8>, Map, u16)> {
-    let clip = encoder::sample::clip();
+    let clip = mocap::sample::clip();
     let bytes = encoder::qmd::encode(&clip, Parameters::TABLE_1, Method::ClosedLoop)?;
     let puppet = Path::new(env!("CARGO_MANIFEST_DIR")).join("../puppets/sample.toml");
     let map = Puppet::read(&puppet)?.map(&clip.skeleton)?;

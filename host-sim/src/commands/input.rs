@@ -2,10 +2,10 @@
 
 use super::frames::FrameRange;
 use anyhow::{Context, Result, bail};
-use encoder::Clip;
 use encoder::qmd::Method;
 use host_sim::files;
 use host_sim::puppet::Puppet;
+use mocap::Clip;
 use std::path::{Path, PathBuf};
 
 /// How a motion file is read.
@@ -32,7 +32,7 @@ impl Source {
         if is_clip(path) {
             bail!("{} is a compressed clip, expected a motion (.amc or .bvh)", path.display());
         }
-        let mut clip = encoder::import::load(path, self.skeleton.as_deref(), self.fps)?;
+        let mut clip = mocap::import::load(path, self.skeleton.as_deref(), self.fps)?;
         if let Some(frames) = self.frames {
             clip.motion = frames.of(path, &clip.motion)?;
         }
@@ -78,7 +78,7 @@ fn has_extension(path: &Path, expected: &str) -> bool {
 }
 
 /// Decodes a compressed clip of either kind.
-pub fn decode(path: &Path, bytes: &[u8]) -> Result<encoder::Motion> {
+pub fn decode(path: &Path, bytes: &[u8]) -> Result<mocap::Motion> {
     if is_mclip(path) {
         encoder::mclip::decode(bytes).with_context(|| format!("{} is not a sound mclip", path.display()))
     } else {

@@ -2,11 +2,11 @@
 
 use super::input;
 use anyhow::{Context, Result, bail};
-use encoder::metrics::Evaluator;
 use encoder::qmd::optimize::{Outcome, Problem, Space};
 use encoder::qmd::{Method, Source};
 use host_sim::files;
 use indicatif::{ProgressBar, ProgressStyle};
+use mocap::metrics::Evaluator;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;

@@ -209,7 +209,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
 
 /// The embedded clip as it is encoded elsewhere: FDF 6, b 8.
 fn sample() -> Result<Vec<u8>> {
-    Ok(encoder::qmd::encode(&encoder::sample::clip(), Parameters::TABLE_1, Method::ClosedLoop)?)
+    Ok(encoder::qmd::encode(&mocap::sample::clip(), Parameters::TABLE_1, Method::ClosedLoop)?)
 }
 
 fn cores(args: &Args) -> Vec<Core> {
@@ -239,7 +239,7 @@ fn map(args: &Args, clip: &Clip<'_>) -> Result<Option<Map>> {
     let channels = match &args.clip {
         Some(path) => Channels::of_played(path, clip, &puppet, args.skeleton.clone())?,
         // The embedded sample brings its skeleton.
-        None => Channels::from(&encoder::sample::clip().skeleton),
+        None => Channels::from(&mocap::sample::clip().skeleton),
     };
     puppet.map(channels).map(Some)
 }

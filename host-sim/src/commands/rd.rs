@@ -3,9 +3,7 @@
 use super::encode::{Codec, Entropy, positive};
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
-use encoder::import;
 use encoder::mclip::{Encoder, Settings, Target, decode};
-use encoder::metrics::{self, Evaluator};
 use host_sim::rd::chart::Chart;
 use host_sim::rd::curve::Curve;
 use host_sim::rd::figure::{self, Figure};
@@ -13,6 +11,8 @@ use host_sim::rd::sweep::{self, Point};
 use host_sim::rd::{self, Named, trace};
 use host_sim::{files, picture};
 use indicatif::{ProgressBar, ProgressStyle};
+use mocap::import;
+use mocap::metrics::{self, Evaluator};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;

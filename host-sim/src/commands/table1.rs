@@ -4,9 +4,9 @@ use anyhow::{Context, Result, bail};
 use decoder_core::Limits;
 use decoder_core::mclip::{Clip as Packed, CodecId};
 use encoder::mclip::{Encoded, Encoder, Quality, Settings};
-use encoder::metrics::Evaluator;
 use encoder::qmd::{self, Method, Parameters, Source};
-use encoder::{Clip, import};
+use mocap::metrics::Evaluator;
+use mocap::{Clip, import};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 

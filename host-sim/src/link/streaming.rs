@@ -309,7 +309,7 @@ mod tests {
 
     #[test]
     fn a_clip_comes_apart_and_together() {
-        let sample = encoder::sample::clip();
+        let sample = mocap::sample::clip();
         let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
         let clip = encoder.encode(&Coding::new(CodecId::Dpcm), Quality::Bits(8));
         let parts = Parts::new(&clip).unwrap();
@@ -343,7 +343,7 @@ mod tests {
 
     #[test]
     fn short_blocks_go_together_as_far_as_there_is_room() {
-        let sample = encoder::sample::clip();
+        let sample = mocap::sample::clip();
         let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
         let settings = Coding { block_bytes: 200, ..Coding::new(CodecId::Dpcm) };
         let clip = encoder.encode(&settings, Quality::Bits(8));

@@ -16,7 +16,7 @@ pub use run::{Blocks, Cost, Entry, Method, run};
 
 use crate::profile::measure::Expected;
 use anyhow::{Result, bail};
-use encoder::{Clip, Motion};
+use mocap::{Clip, Motion};
 
 /// Bytes of a block before packing, at most; a block has at least one frame.
 pub const BLOCK_BYTES: usize = 4096;
@@ -104,11 +104,11 @@ impl Quantised {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use encoder::metrics::Evaluator;
+    use mocap::metrics::Evaluator;
 
     #[test]
     fn what_is_stored_is_the_motion_to_half_a_step() {
-        let clip = encoder::sample::clip();
+        let clip = mocap::sample::clip();
         let stored = Quantised::new(&clip).unwrap();
         for (found, expected) in stored.motion(60.0).samples.iter().zip(&clip.motion.samples) {
             assert!((found - expected).abs() <= 0.005 + 1e-9, "{found} {expected}");
@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn differences_add_up_to_the_frames() {
-        let stored = Quantised::new(&encoder::sample::clip()).unwrap();
+        let stored = Quantised::new(&mocap::sample::clip()).unwrap();
         let (plain, delta) = (stored.bytes(false), stored.bytes(true));
         let words = |bytes: &[u8]| -> Vec<i16> {
             bytes.as_chunks::<2>().0.iter().map(|&word| i16::from_le_bytes(word)).collect()
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn a_motion_that_does_not_fit_is_refused() {
-        let mut clip = encoder::sample::clip();
+        let mut clip = mocap::sample::clip();
         clip.motion.samples[3] = 400.0;
         let found = Quantised::new(&clip);
         let rotates = clip.skeleton.rotation_channels()[3];

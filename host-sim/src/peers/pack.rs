@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn what_is_packed_can_be_unpacked() {
-        let stored = Quantised::new(&encoder::sample::clip()).unwrap();
+        let stored = Quantised::new(&mocap::sample::clip()).unwrap();
         let block = stored.block_frames() * stored.channels() * 2;
         for packer in [Packer::Heatshrink, Packer::Lz4, Packer::Miniz] {
             for delta in [false, true] {

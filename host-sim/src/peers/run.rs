@@ -10,8 +10,8 @@ use crate::thumb::Core;
 use anyhow::{Context, Result, bail};
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::mclip::{Encoder, Quality, Settings, Target};
-use encoder::metrics::Evaluator;
 use encoder::qmd::{self, Parameters, Source};
+use mocap::metrics::Evaluator;
 use serde::Serialize;
 use std::path::Path;
 
@@ -67,7 +67,7 @@ impl Blocks {
     }
 
     /// Encodes; `fine` is the error of int16 in cm.
-    fn encode(self, clip: &encoder::Clip, fine: f64, evaluator: &Evaluator) -> Result<Vec<u8>> {
+    fn encode(self, clip: &mocap::Clip, fine: f64, evaluator: &Evaluator) -> Result<Vec<u8>> {
         let (codec, entropy) = match self {
             Self::DpcmFixed => (CodecId::Dpcm, EntropyId::FixedWidth),
             Self::DpcmHuffman | Self::DpcmCoarse => (CodecId::Dpcm, EntropyId::Huffman),
@@ -152,7 +152,7 @@ pub struct Entry {
 ///
 /// # Errors
 /// A sentence that says what could not be stored, built or run.
-pub fn run(clip: &encoder::Clip, method: Method, cores: &[Core]) -> Result<Entry> {
+pub fn run(clip: &mocap::Clip, method: Method, cores: &[Core]) -> Result<Entry> {
     let mut targets: Vec<&str> = cores.iter().map(|core| core.target()).collect();
     targets.sort_unstable();
     targets.dedup();

@@ -103,7 +103,7 @@ mod tests {
                 "zero  =  2000 # here\ngoal_range = [1500, 2500]",
             );
         assert_eq!(text, expected);
-        let map = puppet(&text).map(&encoder::sample::clip().skeleton).unwrap();
+        let map = puppet(&text).map(&mocap::sample::clip().skeleton).unwrap();
         assert_eq!((map.joints()[0].zero, map.joints()[0].min, map.joints()[0].max), (2000, 1500, 2500));
     }
 

@@ -3,8 +3,8 @@
 use super::Puppet;
 use crate::clip::Clip;
 use anyhow::{Result, anyhow, bail};
-use encoder::skeleton::{ChannelKind, Skeleton};
-use encoder::{Clip as Recording, Motion};
+use decoder_core::mclip::ChannelKind;
+use mocap::{Clip as Recording, Motion, Skeleton};
 use std::path::{Path, PathBuf};
 
 /// The channels of a frame, in order, by their names.
@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 pub struct Channels {
     /// Whose they are, for what is told of them.
     of: &'static str,
-    columns: Vec<(String, ChannelKind)>,
+    /// Each channel's name, and whether it is a rotation.
+    columns: Vec<(String, bool)>,
     /// Joints without channels.
     still: Vec<String>,
 }
@@ -22,7 +23,11 @@ impl From<&Skeleton> for Channels {
         let still = skeleton.joints.iter().filter(|joint| joint.channels.is_empty());
         Self {
             of: "the skeleton",
-            columns: skeleton.channels.iter().map(|channel| (channel.name.clone(), channel.kind)).collect(),
+            columns: skeleton
+                .channels
+                .iter()
+                .map(|channel| (channel.name.clone(), channel.dof.is_rotation()))
+                .collect(),
             still: still.map(|joint| joint.name.clone()).collect(),
         }
     }
@@ -34,7 +39,7 @@ impl Channels {
         let Clip::Mclip(clip) = clip else { return None };
         let channels = clip.header().channels();
         let named = channels.clone().any(|channel| !channel.joint.is_empty());
-        let columns = channels.map(|channel| (channel.to_string(), channel.kind)).collect();
+        let columns = channels.map(|channel| (channel.to_string(), channel.kind.is_rotation())).collect();
         named.then_some(Self { of: "the clip", columns, still: Vec::new() })
     }
 
@@ -62,7 +67,7 @@ impl Channels {
                     format!("\"{name}\" is no channel, expected joint.rx, .ry, .rz, .tx, .ty, .tz or .l");
                 return Err(puppet.wrong_channel(name, &why));
             };
-            columns.push(((*name).to_owned(), kind));
+            columns.push(((*name).to_owned(), kind.is_rotation()));
         }
         Ok(Self { of: "the puppet", columns, still: Vec::new() })
     }
@@ -74,7 +79,7 @@ impl Channels {
     /// A sentence where the skeleton cannot be read.
     pub fn of_clips(puppet: &Puppet, given: Option<PathBuf>) -> Result<Self> {
         match given.or_else(|| puppet.skeleton()) {
-            Some(path) => Ok(Self::from(&encoder::import::load_skeleton(&path)?)),
+            Some(path) => Ok(Self::from(&mocap::import::load_skeleton(&path)?)),
             None => Self::of_puppet(puppet),
         }
     }
@@ -139,11 +144,11 @@ impl Channels {
         self.columns.iter().map(|(name, _)| name.as_str())
     }
 
-    /// The column of a channel, and what it moves.
+    /// The column of a channel, and whether it is a rotation.
     #[must_use]
-    pub fn find(&self, name: &str) -> Option<(usize, ChannelKind)> {
+    pub fn find(&self, name: &str) -> Option<(usize, bool)> {
         let index = self.columns.iter().position(|(own, _)| own == name)?;
-        self.columns.get(index).map(|&(_, kind)| (index, kind))
+        self.columns.get(index).map(|&(_, is_rotation)| (index, is_rotation))
     }
 
     /// What is to be said of a channel that is none of them.
@@ -239,7 +244,7 @@ mod tests {
         let puppet = puppet(&["a.b.rx", "c.tz", "a.b.rz", "c.tz", "d.l", "a.b.rx"]);
         let channels = Channels::of_puppet(&puppet).unwrap();
         assert_eq!(channels.names().collect::<Vec<_>>(), ["a.b.rx", "a.b.rz", "c.tz", "d.l"]);
-        assert_eq!(channels.find("c.tz"), Some((2, ChannelKind::Tz)));
+        assert_eq!(channels.find("c.tz"), Some((2, false)));
         assert_eq!(Channels::of_clips(&puppet, None).unwrap(), channels);
         let error = format!("{:#}", Channels::of_puppet(&self::puppet(&["a.rx", "elbow"])).unwrap_err());
         assert!(
@@ -251,7 +256,7 @@ mod tests {
     /// A clip that names its channels says which they are, whatever skeleton there is.
     #[test]
     fn a_clip_names_its_own() {
-        let sample = encoder::sample::clip();
+        let sample = mocap::sample::clip();
         let kept = ["lradius.rx", "root.ty"].map(|name| sample.skeleton.channel(name).unwrap());
         let (skeleton, motion) = (sample.skeleton.with_channels(&kept), sample.motion.with_channels(&kept));
         let bytes =

@@ -125,10 +125,9 @@ impl Puppet {
 
     fn channel(&self, entry: &Entry, per_degree: f64, channels: &Channels) -> Result<Channel> {
         let name = entry.channel.get_ref();
-        let Some((index, kind)) = channels.find(name) else {
+        let Some((index, turns)) = channels.find(name) else {
             return Err(self.wrong(&entry.channel, &channels.missing(name)));
         };
-        let turns = kind.is_rotation();
         let scale = match &entry.scale {
             Some(scale) => self.positive(scale, I16F16::MAX.to_num())?,
             None if turns => per_degree,

@@ -358,7 +358,7 @@ mod tests {
     /// One joint, with these lines in it, on the embedded sample's skeleton.
     fn map(lines: &str) -> Result<Map> {
         let text = format!("servo_hz = 50\nbaud = 1_000_000\n[[joint]]\n{lines}\n");
-        Puppet::parse(Path::new("puppet.toml"), text)?.map(&encoder::sample::clip().skeleton)
+        Puppet::parse(Path::new("puppet.toml"), text)?.map(&mocap::sample::clip().skeleton)
     }
 
     const ELBOW: &str = "name = 'elbow'\nchannel = 'rradius.rx'\nid = 3\nrange = [-90, 10]\nmax_speed = 90";
@@ -370,7 +370,7 @@ mod tests {
 
     #[test]
     fn units_are_converted() {
-        let skeleton = encoder::sample::clip().skeleton;
+        let skeleton = mocap::sample::clip().skeleton;
         let joint = map(ELBOW).unwrap().joints()[0];
         assert_eq!(skeleton.channels[usize::from(joint.channel)].name, "rradius.rx");
         // 90° are a quarter of 4096, 10° are 113.8; 90°/s at 50 Hz are 20.48 a tick, reached in 2.5 ticks.
@@ -442,7 +442,7 @@ mod tests {
     fn what_a_puppet_does_not_say_has_a_value_and_what_it_says_counts() {
         let with = |lines: &str| {
             let text = format!("servo_hz = 50\n{lines}\n[[joint]]\n{ELBOW}\n");
-            Puppet::parse(Path::new("puppet.toml"), text)?.map(&encoder::sample::clip().skeleton)
+            Puppet::parse(Path::new("puppet.toml"), text)?.map(&mocap::sample::clip().skeleton)
         };
         assert_eq!(*with("baud = 1").unwrap().settings(), Settings { channels: 31, ..Settings::new(50) });
         let all = "baud = 1\ninterpolation = 'linear'\non_fault = 'torque-off'\nease_seconds = 1.5\nease_speed = 1\n\
@@ -490,7 +490,7 @@ mod tests {
             joint("c", "arm").replace("id = 3", "id = 4"),
         );
         let puppet = Puppet::parse(Path::new("puppet.toml"), text).unwrap();
-        let map = puppet.map(&encoder::sample::clip().skeleton).unwrap();
+        let map = puppet.map(&mocap::sample::clip().skeleton).unwrap();
         let found: Vec<_> = map.joints().iter().map(|joint| (joint.bus, joint.id, joint.min)).collect();
         assert_eq!(found, [(0, 3, 1138), (0, 4, 1138), (1, 3, 611)]);
         assert_eq!(map.buses()[1], BusSpec { kind: BusKind::Pwm, baud: 50 });
@@ -511,7 +511,7 @@ mod tests {
                     max_speed = -1\nmodel = 'XM999'\n[[joint]]\nname = 'a'\nchannel = 'rradius.rx'\nid = 3\nrange = [-200, 10]\nhome = 70\n\
                     max_speed = 0.001\nidle = { gaze = 900 }\n";
         let puppet = Puppet::parse(Path::new("puppet.toml"), text.to_owned()).unwrap();
-        let mistakes = puppet.check(&encoder::sample::clip().skeleton).unwrap_err();
+        let mistakes = puppet.check(&mocap::sample::clip().skeleton).unwrap_err();
         let lines: Vec<String> = mistakes
             .iter()
             .map(|mistake| {
@@ -539,7 +539,7 @@ mod tests {
         let text = format!("servo_hz = 1001\nbaud = 1\n[[joint]]\n{ELBOW}\nscale = 1000\n")
             .replace("[-90, 10]", "[-1, 1]");
         let puppet = Puppet::parse(Path::new("puppet.toml"), text).unwrap();
-        let error = format!("{:#}", puppet.map(&encoder::sample::clip().skeleton).unwrap_err());
+        let error = format!("{:#}", puppet.map(&mocap::sample::clip().skeleton).unwrap_err());
         assert_eq!(error, "puppet.toml: the servo rate is 1001 Hz, expected 1 to 1000");
     }
 

@@ -12,7 +12,7 @@ pub mod sweep;
 pub mod trace;
 
 use anyhow::{Result, bail};
-use encoder::{Clip, Motion};
+use mocap::{Clip, Motion};
 
 /// A motion and what it is called.
 #[derive(Clone, Debug)]
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     fn sample() -> Named {
-        Named { name: "sample".into(), clip: encoder::sample::clip() }
+        Named { name: "sample".into(), clip: mocap::sample::clip() }
     }
 
     #[test]

@@ -14,7 +14,7 @@ use anyhow::{Context, Result};
 use decoder_core::Limits;
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, Clip, CodecId, EntropyId};
 use encoder::mclip::{Density, Encoder, Predictor, Quality, Settings, decode};
-use encoder::metrics;
+use mocap::metrics;
 use rayon::prelude::*;
 
 /// A method of the document, or one of ours.

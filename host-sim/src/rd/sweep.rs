@@ -6,8 +6,8 @@ use anyhow::{Context, Result};
 use decoder_core::Limits;
 use decoder_core::mclip::Clip;
 use encoder::mclip::{self, Encoder};
-use encoder::metrics::{self, Report};
 use encoder::qmd::{self, Method, Parameters, Source};
+use mocap::metrics::{self, Report};
 use rayon::prelude::*;
 use std::io::Write;
 
@@ -82,7 +82,7 @@ pub fn encode(named: &Named, quality: Quality) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// A sentence where it is not sound.
-pub fn decode(bytes: &[u8], quality: Quality) -> Result<encoder::Motion> {
+pub fn decode(bytes: &[u8], quality: Quality) -> Result<mocap::Motion> {
     Ok(match quality {
         Quality::Mclip(..) => mclip::decode(bytes)?,
         Quality::Qmd { .. } => qmd::decode(bytes)?,
@@ -278,7 +278,7 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     fn motions() -> Vec<Named> {
-        let sample = Named { name: "whole".into(), clip: encoder::sample::clip() };
+        let sample = Named { name: "whole".into(), clip: mocap::sample::clip() };
         let whole = super::super::resample(sample, 15.0).unwrap();
         let mut half = Named { name: "half, \"quoted\"".into(), ..whole.clone() };
         half.clip.motion.samples.truncate(60 * whole.clip.motion.channels);

@@ -60,7 +60,7 @@ pub fn trace(named: &Named, channel: &str, curves: &[Curve], bits: &[u8]) -> Res
     };
     let mut motion = named.clip.motion.clone();
     motion.unwrap_angles(skeleton);
-    let column = |motion: &encoder::Motion| motion.iter().map(|pose| pose[index]).collect::<Vec<f64>>();
+    let column = |motion: &mocap::Motion| motion.iter().map(|pose| pose[index]).collect::<Vec<f64>>();
     let mut decoded = Vec::new();
     for curve in curves {
         let Sweep::Bits(settings) = curve.sweep else { continue };
@@ -75,7 +75,7 @@ pub fn trace(named: &Named, channel: &str, curves: &[Curve], bits: &[u8]) -> Res
     }
     Ok(Trace {
         channel: channel.to_owned(),
-        unit: if skeleton.channels[index].kind.is_rotation() { "degrees" } else { "cm" },
+        unit: if skeleton.channels[index].dof.is_rotation() { "degrees" } else { "cm" },
         fps: motion.fps,
         original: column(&motion),
         decoded,
@@ -179,7 +179,7 @@ mod tests {
     use super::*;
 
     fn sample() -> Named {
-        Named { name: "sample".into(), clip: encoder::sample::clip() }
+        Named { name: "sample".into(), clip: mocap::sample::clip() }
     }
 
     #[test]

@@ -4,7 +4,6 @@ use crate::virtual_device::{Cutter, map, with_device};
 use bunraku_tests::motion;
 use decoder_core::mclip::CodecId;
 use encoder::mclip::{Encoder, Quality, Settings};
-use encoder::{Clip, sample};
 use firmware::clips::LIVE;
 use firmware::clock::Speed;
 use firmware::fault::Fault;
@@ -15,6 +14,7 @@ use host_sim::link::streaming::{self, Parts, stream};
 use host_sim::link::upload::{Upload, list, upload, upload_again};
 use host_sim::link::{Client, LinkError};
 use host_sim::puppet::Map;
+use mocap::{Clip, sample};
 use std::time::{Duration, Instant};
 
 const BAUD: u32 = 115_200;
@@ -148,7 +148,7 @@ fn clips_of_cmu_on_a_link() {
         let cmu = folder.join("cmu");
         let subject = trial.split('_').next().unwrap();
         let skeleton = cmu.join(format!("{subject}.asf"));
-        encoder::import::load(&cmu.join(format!("{trial}.amc")), Some(&skeleton), Some(120.0)).unwrap()
+        mocap::import::load(&cmu.join(format!("{trial}.amc")), Some(&skeleton), Some(120.0)).unwrap()
     };
     let clips = ["02_01", "49_04", "02_07"].map(load);
     a_session(&map("cmu-12.toml", &clips[0].skeleton), [&clips[0], &clips[1], &clips[2]], true);

@@ -116,7 +116,7 @@ fn report<'a>(
     let hz = f64::from(map.tick_hz());
     let joint = |(index, joint): (usize, &Joint)| {
         let channel = channels.name(joint.channel.into());
-        let turns = channels.find(channel).is_some_and(|(_, kind)| kind.is_rotation());
+        let turns = channels.find(channel).is_some_and(|(_, is_rotation)| is_rotation);
         let scale = joint.scale.to_num::<f64>();
         let value = |goal: i32| f64::from(goal - joint.zero) / scale;
         let (one, other) = (value(joint.min), value(joint.max));

@@ -1,0 +1,12 @@
+//! Export of motions: AMC, BVH and CSV.
+//!
+//! Functions write to any [`Write`](std::io::Write); it is the caller who makes files, writes them under a temporary name and
+//! renames them.
+
+pub mod amc;
+pub mod bvh;
+pub mod csv;
+mod error;
+mod number;
+
+pub use error::ExportError;
