@@ -86,7 +86,7 @@ fn decoded(clip: &Clip<'_>) -> String {
 
 #[test]
 fn a_clip_is_decoded_or_refused_by_the_name_of_what_is_not_linked() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/vectors");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/vectors/v1");
     let sums = fs::read_to_string(folder.join("SHA256SUMS.mclip")).unwrap();
     let (mut played, mut refused) = (0, 0);
     for (sha256, name) in sums.lines().filter_map(|line| line.split_once("  ")) {

@@ -112,7 +112,7 @@ fn a_baseline_of_another_clip_is_refused() {
     if !require_target("thumbv7em-none-eabi") {
         return;
     }
-    let vector = workspace().join("tests/vectors/qmd-segments.qmd");
+    let vector = workspace().join("tests/vectors/v1/qmd-segments.qmd");
     let arguments = ["--core", "cortex-m4", "--rate", "60", "--baseline"];
     let mut all = vec![vector.to_str().unwrap()];
     let baseline = baseline();
@@ -259,7 +259,7 @@ fn a_clip_in_blocks_is_profiled_too() {
     if !require_target("thumbv7em-none-eabi") {
         return;
     }
-    let vector = workspace().join("tests/vectors/dpcm-many-channels.mclip");
+    let vector = workspace().join("tests/vectors/v1/dpcm-many-channels.mclip");
     let vector = vector.to_str().unwrap();
     let output = profile(&[vector, "--core", "cortex-m4", "--json"], 0);
     let core = core(&output);

@@ -1,6 +1,6 @@
 //! A client of protocol 2.0: one instruction out, its answers back.
 //!
-//! Each method is one exchange and returns within [`Line::exchange_limit_us`](crate::bus::port::Line). Noise before and
+//! Each method is one exchange and returns within [`Line::exchange_limit_us`](crate::port::Line). Noise before and
 //! between answers is skipped, answers of other servos and of other lengths are not taken for the one awaited, and
 //! the port's own bytes never are: an instruction is no status packet.
 //!
@@ -16,7 +16,7 @@ use super::framer::Framer;
 use super::instruction::{BROADCAST_ID, Instruction, MAX_ID};
 use super::packet::{PacketWriter, Status, WriteError, max_packet_len};
 use crate::bus::BusError;
-use crate::bus::port::Port;
+use crate::port::Port;
 use core::ops::ControlFlow;
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;

@@ -3,8 +3,7 @@
 //! A silent servo costs a timeout, and in protocols with a joint read it keeps those behind it from answering. So it
 //! is left out until it answers when asked alone.
 
-use super::{BusError, Reading};
-use crate::map::MAX_SERVOS;
+use crate::bus::{BusError, MAX_SERVOS, Reading};
 use heapless::Vec;
 
 /// Exchanges a tick with servos that the joint read leaves out.
@@ -98,7 +97,7 @@ impl Roll {
     /// one: each tick until one keeps silent, [`PROBE_EXCHANGES`] at most.
     ///
     /// # Errors
-    /// As [`ServoBus::read_all`](super::ServoBus::read_all).
+    /// As [`ServoBus::read_all`](crate::bus::ServoBus::read_all).
     pub(crate) async fn call(
         &mut self,
         bus: &mut impl Ask,

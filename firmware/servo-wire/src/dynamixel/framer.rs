@@ -7,7 +7,7 @@
 use super::crc;
 use super::instruction::{BROADCAST_ID, Instruction};
 use super::packet::{HEADER, OVERHEAD, PREFIX, Packet, unstuff};
-use crate::bus::pending::{Pending, Span};
+use crate::pending::{Pending, Span};
 use core::fmt;
 
 /// Why bytes that began like a packet are not one.
@@ -53,7 +53,7 @@ impl core::error::Error for FrameError {}
 /// Finds packets in a stream, keeping at most `N` bytes; `N` at least 10, else it does not compile.
 ///
 /// ```
-/// use firmware::dynamixel::Framer;
+/// use servo_wire::dynamixel::Framer;
 /// let mut framer = Framer::<64>::new();
 /// let mut bytes: &[u8] = &[0x12, 0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x03, 0x00, 0x01, 0x19, 0x4E];
 /// while let Some(packet) = framer.feed(&mut bytes) {

@@ -2,10 +2,10 @@
 
 use super::client::Client;
 use super::packet::OVERHEAD;
-use crate::bus::port::Line;
-use crate::bus::roll::{Ask, PROBE_EXCHANGES, Roll};
+use crate::bus::MAX_SERVOS;
 use crate::bus::{BusError, ERROR_HEAT, ERROR_OVERLOAD, ERROR_VOLTAGE, Goal, Reading, ServoBus};
-use crate::map::MAX_SERVOS;
+use crate::port::Line;
+use crate::roll::{Ask, PROBE_EXCHANGES, Roll};
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::{Read, Write};

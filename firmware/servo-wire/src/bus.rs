@@ -1,19 +1,12 @@
 //! Servo buses: what the player asks of servos, whatever wire they hang on.
 //!
 //! [`ServoBus`] is implemented for Dynamixel protocol 2.0 and 1.0, Feetech, hobby servos by PWM and by PCA9685, and
-//! the Blender live frame; [`Both`] joins two buses to one.
-
-pub mod blocking;
-mod both;
-pub mod mixed;
-pub(crate) mod pending;
-pub mod port;
-pub(crate) mod roll;
-
-pub use both::Both;
+//! the Blender live frame; [`Both`](crate::both::Both) joins two buses to one.
 
 use core::fmt;
-use serde::{Deserialize, Serialize};
+
+/// Most servos on one bus of this crate.
+pub const MAX_SERVOS: usize = 32;
 
 /// Bit of [`Reading::hardware_error`]: the supply is outside its limits.
 pub const ERROR_VOLTAGE: u8 = 1 << 0;
@@ -42,7 +35,8 @@ pub struct Goal {
 }
 
 /// What a servo told of itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reading {
     /// Present position, in goal units of the servo.
@@ -61,7 +55,8 @@ pub struct Reading {
 }
 
 /// Why an operation on a bus failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BusError {
     /// The port (UART, I2C, PWM) failed.

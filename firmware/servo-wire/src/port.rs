@@ -3,7 +3,7 @@
 //! Every wait is bounded by a delay of the caller's timer, and every loop by the bytes that fit into that time, so that
 //! a port that is stuck, babbles or fails at once cannot hold the player.
 
-use super::BusError;
+use crate::bus::BusError;
 use core::ops::ControlFlow;
 use embassy_futures::{poll_once, select};
 use embedded_hal::digital::{ErrorType, OutputPin};

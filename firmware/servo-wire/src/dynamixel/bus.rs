@@ -10,10 +10,10 @@ use super::table::{
     BUS_WATCHDOG, GOAL_POSITION, HARDWARE_ERROR_STATUS, INDIRECT_DATA, PRESENT_CURRENT,
     PRESENT_INPUT_VOLTAGE, PRESENT_POSITION, PRESENT_TEMPERATURE, Register, TORQUE_ENABLE,
 };
-use crate::bus::port::Line;
-use crate::bus::roll::{Ask, InTurn, PROBE_EXCHANGES, Roll, SET_UP_EXCHANGES};
+use crate::bus::MAX_SERVOS;
 use crate::bus::{BusError, ERROR_ALERT, ERROR_WATCHDOG, Goal, Reading, ServoBus};
-use crate::map::MAX_SERVOS;
+use crate::port::Line;
+use crate::roll::{Ask, InTurn, PROBE_EXCHANGES, Roll, SET_UP_EXCHANGES};
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::{Read, Write};

@@ -1,8 +1,9 @@
 //! The buses of a puppet out of what a board has.
 
-use super::{Both, BusError, Goal, Reading, ServoBus};
 use crate::map::{BusKind, JointMap, MAX_BUSES};
 use core::fmt;
+use servo_wire::both::Both;
+use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
 
 /// What a board has, each at most once.
 #[derive(Debug)]

@@ -5,14 +5,14 @@
 //!
 //! Source: Feetech, "FT-SCS communication protocol manual" and the memory tables of "SMS/STS" and "SCSCL".
 
-use crate::bus::port::Line;
-use crate::bus::roll::{Ask, InTurn, PROBE_EXCHANGES, Roll};
+use crate::bus::MAX_SERVOS;
 use crate::bus::{
     BusError, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE, Goal, Reading, ServoBus,
 };
-use crate::map::MAX_SERVOS;
+use crate::port::Line;
 use crate::protocol1::Client;
 use crate::protocol1::packet::OVERHEAD;
+use crate::roll::{Ask, InTurn, PROBE_EXCHANGES, Roll};
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::{Read, Write};

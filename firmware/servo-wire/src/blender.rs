@@ -6,8 +6,8 @@
 //!
 //! Source: timhendriks93/blender-servo-animation, `addon/utils/live_mode.py`, and the Arduino library of the same author.
 
+use crate::bus::MAX_SERVOS;
 use crate::bus::{BusError, Goal, ServoBus};
-use crate::map::MAX_SERVOS;
 use embassy_futures::select::{Either, select};
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::Write;
@@ -31,7 +31,7 @@ pub fn frame(goal: &Goal) -> [u8; FRAME_LEN] {
 /// Finds frames in a stream of bytes.
 ///
 /// ```
-/// use firmware::blender::Parser;
+/// use servo_wire::blender::Parser;
 /// let mut parser = Parser::new();
 /// let goals: Vec<_> = b"x<\x07\x05\xdc>".iter().filter_map(|&byte| parser.feed(byte)).collect();
 /// assert_eq!((goals[0].id, goals[0].position), (7, 1500));

@@ -5,7 +5,7 @@
 //! longer run of `FF` from a header.
 
 use crate::bus::BusError;
-use crate::bus::pending::{Pending, Span};
+use crate::pending::{Pending, Span};
 
 /// Id that addresses every servo on the bus.
 pub const BROADCAST_ID: u8 = 254;

@@ -1,6 +1,6 @@
 //! Two buses as one.
 
-use super::{BusError, Goal, Reading, ServoBus};
+use crate::bus::{BusError, Goal, Reading, ServoBus};
 
 /// Two buses: the first `split` servos are on `first`, the rest on `second`. Nest for more.
 ///

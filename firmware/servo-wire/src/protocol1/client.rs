@@ -1,14 +1,14 @@
 //! A client of protocol 1.0: one instruction out, its answers back.
 //!
-//! Each method is one exchange and returns within [`Line::exchange_limit_us`](crate::bus::port::Line). Servos must answer
+//! Each method is one exchange and returns within [`Line::exchange_limit_us`](crate::port::Line). Servos must answer
 //! everything (Status Return Level 2 of Dynamixel servos, 1 of Feetech ones, as from the factory).
 //!
-//! An answer looks like an instruction. Where the port hears itself and [`Line::echo`](crate::bus::port::Line) is not set,
+//! An answer looks like an instruction. Where the port hears itself and [`Line::echo`](crate::port::Line) is not set,
 //! a ping is answered by its own echo; everything else is not taken for an answer, having another length.
 
 use super::packet::{BROADCAST_ID, Framer, Instruction, OVERHEAD, Packet, write};
 use crate::bus::BusError;
-use crate::bus::port::Port;
+use crate::port::Port;
 use core::ops::ControlFlow;
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
