@@ -7,10 +7,10 @@ use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, MAX_SERVOS, Setting
 use host_sim::clip::Clip;
 use host_sim::profile::measure::Runner;
 use host_sim::profile::{tick_images, ticks};
-use host_sim::thumb::Core;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Output;
+use thumb_cycles::Core;
 
 /// Cores of the baseline, and the targets that their images take.
 const CORES: &str = "cortex-m0plus,cortex-m3,cortex-m4,cortex-m33";
