@@ -5,9 +5,9 @@ use crate::profile::elf::Memory;
 use crate::servos::pins::PWM_PINS;
 use anyhow::{Result, anyhow, bail};
 use firmware::map::BusKind;
-use firmware::pwm::Timing;
 use puppet_file::{Map, to_bytes};
 use serde::Serialize;
+use servo_wire::pwm::Timing;
 
 /// QEMU's name of the board `qemu-mps2`.
 pub const QEMU_MACHINE: &str = "mps2-an386";

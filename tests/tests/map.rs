@@ -4,13 +4,13 @@
 use bunraku_tests::{vectors, workspace};
 use decoder_core::I16F16;
 use firmware::clock::MAX_TICK_HZ;
-use firmware::dynamixel::MAX_ID;
 use firmware::limits::MAX_VELOCITY;
 use firmware::map::{
     BusKind, BusSpec, GOAL_LIMIT, Idle, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy,
     Settings, VERSION,
 };
 use puppet_file::{Map, Puppet, to_bytes};
+use servo_wire::dynamixel::MAX_ID;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;

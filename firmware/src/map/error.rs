@@ -3,9 +3,9 @@
 use super::joint::GOAL_LIMIT;
 use super::wire::VERSION;
 use crate::clock::MAX_TICK_HZ;
-use crate::dynamixel::MAX_ID;
 use crate::limits::MAX_VELOCITY;
 use core::fmt;
+use servo_wire::dynamixel::MAX_ID;
 
 /// Why a joint map cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

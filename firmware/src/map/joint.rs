@@ -25,7 +25,7 @@ pub struct Joint {
     pub channel: u16,
     /// Number of its bus in the map. Joints are in the order of their buses.
     pub bus: u8,
-    /// The servo's id on the bus, 0 to [`MAX_ID`](crate::dynamixel::MAX_ID).
+    /// The servo's id on the bus, 0 to [`MAX_ID`](servo_wire::dynamixel::MAX_ID).
     pub id: u8,
     /// Goal at channel value 0, within `min..=max`.
     pub zero: i32,

@@ -6,15 +6,15 @@ use super::joint::{GOAL_LIMIT, Joint};
 use super::settings::Settings;
 use super::wire::{MapBytes, VERSION};
 use crate::clock::MAX_TICK_HZ;
-use crate::dynamixel::MAX_ID;
 use crate::limits::MAX_VELOCITY;
 use crate::play_error::PlayError;
 use core::ops::Range;
 use decoder_core::I16F16;
 use heapless::Vec;
+use servo_wire::dynamixel::MAX_ID;
 
 /// Most servos of the maps that this project's host and boards exchange (`N` of [`JointMap`]).
-pub const MAX_SERVOS: usize = 32;
+pub const MAX_SERVOS: usize = servo_wire::bus::MAX_SERVOS;
 
 /// The servos of a puppet, at most `N`, and their buses.
 #[derive(Clone, Debug, PartialEq, Eq)]

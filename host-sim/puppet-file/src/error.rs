@@ -5,7 +5,7 @@ use crate::models::UnknownModel;
 use crate::place::Place;
 use core::fmt;
 use firmware::map::{MAX_BUSES, MAX_SERVOS, MapError};
-use firmware::pca9685::CHANNELS;
+use servo_wire::pca9685::CHANNELS;
 use std::io;
 use std::path::{Path, PathBuf};
 

@@ -5,7 +5,7 @@ use crate::error::{Error, Mistakes, Problem};
 use crate::file::{Curve, OnFault};
 use crate::puppet::Puppet;
 use firmware::map::{BusKind, Interpolation, Joint, JointMap, MAX_SERVOS, Policy, Settings, bytes_len};
-use firmware::pca9685::CHANNELS;
+use servo_wire::pca9685::CHANNELS;
 use toml::Spanned;
 
 /// The joint map of this project's puppets, as a device has it: at most [`MAX_SERVOS`] joints.

@@ -10,12 +10,12 @@ use host_sim::profile::parts::{PARTS, Part};
 use host_sim::profile::report::{Budget, Container, Simulation, Subject, Table, Ticks};
 use host_sim::profile::{CoreReport, Report, html, measure};
 use host_sim::puppet::channels;
-use host_sim::thumb::Core;
 use indicatif::{ProgressBar, ProgressStyle};
 use puppet_file::{Channels, Map, Puppet, to_bytes};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
+use thumb_cycles::Core;
 
 /// Count what decoding a clip costs on a microcontroller: cycles, stack, flash, RAM, energy.
 ///
@@ -261,7 +261,7 @@ fn container(clip: &Clip<'_>, table: Table) -> Container {
             Container::Mclip {
                 codec: header.codec().id().name().to_owned(),
                 entropy: header.entropy().name().to_owned(),
-                blocks: clip.blocks(),
+                blocks: clip.block_count(),
                 lent_bytes: header.needs().bytes(),
             }
         }

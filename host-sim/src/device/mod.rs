@@ -10,11 +10,9 @@ use crate::servos::{Bus, BusConfig, ServoConfig};
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::mclip::Needs;
 use decoder_core::{I16F16, Limits};
-use firmware::bus::port::{Automatic, Line as Timing, Port};
 use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::device::{Device, Identity};
-use firmware::dynamixel::{Client, DynamixelBus};
 use firmware::fault::Feedback;
 use firmware::link::message::DATA_BYTES;
 use firmware::machine::{Machine, Show, Start};
@@ -22,6 +20,8 @@ use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use puppet_file::Map;
+use servo_wire::dynamixel::{Client, DynamixelBus};
+use servo_wire::port::{Automatic, Line as Timing, Port};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -143,7 +143,7 @@ fn store(config: &Config) -> Result<Store<Flash<SECTOR>>> {
     let sector = SECTOR as u32;
     let end = u32::try_from(sectors * SECTOR).context("the flash is larger than 4 GiB")?;
     let layout = Layout { directory: [0, sector], clips: 2 * sector..end };
-    let capacity = Needs { channels: CHANNELS, correlations: CHANNELS, words: WORDS };
+    let capacity = Needs { channels: CHANNELS, words: 4 * CHANNELS, halves: WORDS };
     Ok(Store::mount(flash, layout, capacity)?)
 }
 

@@ -4,10 +4,10 @@ use super::{Recording, Taken, seconds};
 use crate::servos::pins::Pins;
 use crate::servos::{Bus, BusConfig, ConfigError, Deed, Event, ServoConfig};
 use anyhow::{Result, bail};
-use firmware::dynamixel::table::GOAL_POSITION;
-use firmware::dynamixel::{Framer, Instruction, Packet};
 use firmware::map::{BusKind, Joint};
 use puppet_file::Map;
+use servo_wire::dynamixel::table::GOAL_POSITION;
+use servo_wire::dynamixel::{Framer, Instruction, Packet};
 
 /// Longest packet of a player with 32 servos.
 const LONGEST: usize = 640;

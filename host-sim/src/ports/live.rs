@@ -3,7 +3,6 @@
 use super::serial::{run, until};
 use crate::play::{Recording, Taken};
 use anyhow::{Result, bail};
-use firmware::bus::{BusError, Goal, Reading, ServoBus};
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::decoder_list::SingleClip;
 use firmware::fault::Feedback;
@@ -14,6 +13,7 @@ use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
 use firmware::playback::Playback;
 use puppet_file::Map;
+use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::Receiver;

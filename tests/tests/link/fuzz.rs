@@ -6,7 +6,6 @@ use bunraku_fuzz::mutate::mutate;
 use decoder_core::mclip::{CodecId, Needs};
 use decoder_core::{I16F16, Limits};
 use encoder::mclip::{Encoder, Quality};
-use firmware::bus::Reading;
 use firmware::clips::{Clips, LIVE, Mailbox, Worker, Workspace, decode};
 use firmware::clock::Speed;
 use firmware::device::{Device, Identity};
@@ -20,6 +19,7 @@ use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use host_sim::flash::Flash;
 use mocap::sample;
+use servo_wire::bus::Reading;
 
 /// Frames in CI.
 const FRAMES: usize = 20_000;
@@ -49,7 +49,7 @@ pub fn shelf() -> DecoderList {
         Worker::new(task.as_mut(), mailbox, forever([I16F16::ZERO; CHANNELS]))
     };
     let layout = Layout { directory: [0, SECTOR as u32], clips: 2 * SECTOR as u32..64 * SECTOR as u32 };
-    let capacity = Needs { channels: CHANNELS, correlations: CHANNELS, words: WORDS };
+    let capacity = Needs { channels: CHANNELS, words: 4 * CHANNELS, halves: WORDS };
     let store = Store::mount(Flash::new(64), layout, capacity).unwrap();
     Clips::new(&[], Some(store), live, [worker(), worker()])
 }

@@ -1,5 +1,4 @@
 use super::*;
-use crate::bus::Reading;
 use crate::clips::LIVE;
 use crate::link::frame::FrameError;
 use crate::link::message::{DATA_BYTES, Hello, Playing, ServoInfo, Streaming};
@@ -9,6 +8,7 @@ use crate::play_error::PlayError;
 use crate::stream::{Counters, Progress};
 use decoder_core::{Error, Field};
 use proptest::prelude::*;
+use servo_wire::bus::Reading;
 use std::collections::VecDeque;
 use std::vec::Vec as List;
 
@@ -229,8 +229,7 @@ fn one_who_does_not_read_is_obeyed_and_not_waited_for() {
 
 #[test]
 fn the_largest_answers_fit() {
-    let error =
-        Error::Checksum { field: Field::Correlations, at: usize::MAX, found: u32::MAX, expected: u32::MAX };
+    let error = Error::Checksum { field: Field::Halves, at: usize::MAX, found: u32::MAX, expected: u32::MAX };
     let fault = Fault::Clip { error };
     let reading = Reading {
         position: i32::MIN,
@@ -263,7 +262,7 @@ fn the_largest_answers_fit() {
         missed: u32::MAX,
         busy: u32::MAX,
         busiest: u32::MAX,
-        bus: Some(crate::bus::BusError::Refused(255)),
+        bus: Some(servo_wire::bus::BusError::Refused(255)),
         stream: Some(stream),
         link: LinkCounts { damaged: u32::MAX, repeated: u32::MAX, unknown: u32::MAX, dropped: u32::MAX },
         servos: core::iter::repeat_n(servo, MAX_SERVOS).collect(),

@@ -1,12 +1,12 @@
 //! `bunraku puppet calibrate`.
 
 use anyhow::{Context, Result, anyhow, bail};
-use firmware::bus::{Reading, ServoBus};
 use firmware::map::BusSpec;
 use host_sim::ports::{self, SerialBus};
 use host_sim::puppet::calibrate::{Measured, write_measured};
 use host_sim::puppet::channels;
 use puppet_file::{NamedServo, Puppet, goal_range};
+use servo_wire::bus::{Reading, ServoBus};
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
