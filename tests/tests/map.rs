@@ -1,7 +1,7 @@
 //! docs/MAP.md and the code of the joint map, held against each other.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{vectors, workspace};
+use bunraku_tests::workspace;
 use decoder_core::I16F16;
 use firmware::clock::MAX_TICK_HZ;
 use firmware::limits::MAX_VELOCITY;
@@ -13,7 +13,12 @@ use puppet_file::{Map, Puppet, to_bytes};
 use servo_wire::dynamixel::MAX_ID;
 use std::fmt::Write;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// The folder of the golden maps.
+fn maps() -> PathBuf {
+    workspace().join("tests/vectors/maps")
+}
 
 /// The rows of the first table after a heading of docs/MAP.md, without the heads of their columns.
 fn rows(heading: &str) -> Vec<Vec<String>> {
@@ -177,7 +182,7 @@ fn the_pages_example_is_what_the_code_writes() {
     let page = fs::read_to_string(workspace().join("docs/MAP.md")).unwrap();
     assert!(page.contains(&table), "the example of docs/MAP.md is not this one:\n{table}");
     assert!(page.contains(&format!("{} bytes", bytes.len())), "the example has {} bytes", bytes.len());
-    assert_eq!(fs::read(vectors::folder().join("example.map")).unwrap(), bytes);
+    assert_eq!(fs::read(maps().join("example.map")).unwrap(), bytes);
     assert_eq!(Map::parse(&bytes), Ok(map));
 }
 
@@ -200,7 +205,7 @@ fn puppets_keep_their_bytes() {
     for name in ["sample", "hobby", "sample-buses"] {
         let puppet = Puppet::read(&workspace().join("puppets").join(format!("{name}.toml"))).unwrap();
         let bytes = puppet.map_bytes(&mocap::sample::clip().skeleton).unwrap();
-        let golden = vectors::folder().join(format!("{name}.map"));
+        let golden = maps().join(format!("{name}.map"));
         assert_eq!(bytes, fs::read(&golden).unwrap(), "{}", golden.display());
     }
 }
