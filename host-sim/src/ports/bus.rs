@@ -1,9 +1,9 @@
 //! The servo bus of any protocol on a serial port.
 
 use super::serial::{RealTime, Serial};
-use crate::puppet::Map;
 use anyhow::{Result, bail};
 use firmware::map::{BusKind, BusSpec, MAX_BUSES};
+use puppet_file::Map;
 use servo_wire::blender::BlenderBus;
 use servo_wire::bus::{BusError, Reading, ServoBus};
 use servo_wire::dynamixel::DynamixelBus;
@@ -52,7 +52,7 @@ impl SerialBus {
     pub fn open(spec: BusSpec, path: &str) -> Result<Self> {
         let BusSpec { kind, baud } = spec;
         if matches!(kind, BusKind::Pwm | BusKind::Pca9685) {
-            bail!("servos on {} hang on a board's pins, not on a serial port", name(kind));
+            bail!("servos on {} hang on a board's pins, not on a serial port", kind.name());
         }
         let serial = Serial::open(path, baud)?;
         if kind == BusKind::Blender {
@@ -160,19 +160,6 @@ async fn look_at_dynamixel(
 }
 
 impl_servo_bus!([] SerialBus { Dynamixel, Dynamixel1, Feetech, Blender });
-
-/// A kind of bus as puppet.toml names it.
-pub const fn name(kind: BusKind) -> &'static str {
-    match kind {
-        BusKind::Dynamixel => "dynamixel",
-        BusKind::Dynamixel1 => "dynamixel1",
-        BusKind::Sts => "sts",
-        BusKind::Scs => "scs",
-        BusKind::Pwm => "pwm",
-        BusKind::Pca9685 => "pca9685",
-        BusKind::Blender => "blender",
-    }
-}
 
 /// Which port each of those buses of a puppet is on that are `wanted`: `PORT`, or `NAME=PORT,NAME=PORT` for several. Ports of others
 /// may be named.
