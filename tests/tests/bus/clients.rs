@@ -299,9 +299,8 @@ fn a_cancelled_call_leaves_the_bus_usable() {
 fn protocol_1_instructions() {
     for kind in [Kind::Ax, Kind::Sts, Kind::Scs] {
         let wire = wire(Protocol1::new(kind, &[(3, 300), (253, 400)]), None, line(false));
-        let mut client = protocol1::Protocol1Client::<_, _, _, 192>::new(
-            port(&wire, line(false)) as Port2<Protocol1>
-        );
+        let mut client =
+            protocol1::Protocol1Client::<_, _, _, 192>::new(port(&wire, line(false)) as Port2<Protocol1>);
         let (torque, goal) = if kind == Kind::Ax { (24, 30) } else { (40, 42) };
         assert_eq!(wire.run(client.ping(3)).0, Ok(0));
         assert_eq!(wire.run(client.ping(4)).0, Err(BusError::NoReply));
@@ -328,9 +327,8 @@ fn an_echo_that_nobody_told_of_is_no_answer() {
     // The line echoes, the port does not expect it, and there is no servo.
     let echoing = LineConfig { echo: true, ..LineConfig::uart(BAUD) };
     let wire = wire(Protocol1::new(Kind::Ax, &[]), None, echoing);
-    let mut client = protocol1::Protocol1Client::<_, _, _, 192>::new(
-        port(&wire, line(false)) as Port2<Protocol1>
-    );
+    let mut client =
+        protocol1::Protocol1Client::<_, _, _, 192>::new(port(&wire, line(false)) as Port2<Protocol1>);
     for len in 1..20 {
         let result = wire.run(client.read(1, 36, &mut vec![0; len])).0;
         assert_eq!(result, Err(BusError::Corrupt), "a read of {len} bytes");

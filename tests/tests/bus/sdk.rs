@@ -84,9 +84,8 @@ fn protocol2() -> Vec<Value> {
 
 fn protocol1() -> Vec<Value> {
     let wire = wire(Protocol1::new(Kind::Ax, &[(3, 300), (252, 400)]), None, line(false));
-    let mut client = protocol1::Protocol1Client::<_, _, _, 192>::new(
-        port(&wire, line(false)) as Port2<Protocol1>
-    );
+    let mut client =
+        protocol1::Protocol1Client::<_, _, _, 192>::new(port(&wire, line(false)) as Port2<Protocol1>);
     let mut record = Record { wire, protocol: 1, exchanges: Vec::new() };
     record.add("readTxRx", json!([3, 36, 2]), json!(300_u16.to_le_bytes()), client.read(3, 36, &mut [0; 2]));
     record.add("writeTxRx", json!([3, 24, 1, [1]]), json!([]), client.write(3, 24, &[1]));
