@@ -1,7 +1,7 @@
 //! Cycles by function and what it calls, as a flame graph draws them.
 
 use crate::plot::flame::Node;
-use crate::thumb::CallPath;
+use thumb_cycles::CallPath;
 
 /// The tree below the path with number `root`.
 pub fn tree(paths: &[CallPath], root: usize) -> Node {

@@ -99,7 +99,7 @@ fn load(image: Image<'_>, files: &[(&str, &[u8])], numbers: &[(&str, u32)]) -> R
 fn sizes(clip: &[u8], lent: bool) -> Result<Vec<(&'static str, u32)>> {
     let sizes = if is_mclip(clip) {
         let needs = mclip::Clip::parse(clip, Limits::MAX)?.header().needs();
-        vec![("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)]
+        vec![("CHANNELS", needs.channels), ("WORDS", needs.words), ("HALVES", needs.halves)]
     } else {
         let clip = qmd::Clip::parse(clip, Limits::MAX)?;
         let table = lent.then(|| ("TABLE", clip.table_len()));

@@ -3,9 +3,9 @@
 use super::flame;
 use super::loaded::LoadedImage;
 use crate::plot::flame::Node;
-use crate::thumb::{Board, Core, Image, Machine, Region, SelfCycles, Stop};
 use anyhow::{Context, Result, anyhow, bail};
 use std::time::{Duration, Instant};
+use thumb_cycles::{Board, Core, Image, Machine, Region, SelfCycles, Stop};
 
 /// Cycles that one call of the image may take: more than any clip's table takes to convert.
 pub(super) const LIMIT: u64 = 2_000_000_000;
@@ -103,7 +103,7 @@ impl Runner {
         let before = machine.usage();
         let number = self.measured.frame_cycles.len();
         let started = Instant::now();
-        let stop = machine.call(self.decode_frame, &[self.state], before.cycles + LIMIT);
+        let stop = machine.call_function(self.decode_frame, &[self.state], before.cycles + LIMIT);
         self.measured.simulated += started.elapsed();
         self.measured.instructions += machine.usage().instructions - before.instructions;
         match stop {
@@ -118,7 +118,7 @@ impl Runner {
             return Ok(None);
         }
         self.measured.frame_cycles.push(machine.usage().cycles - before.cycles);
-        let bytes = machine.memory.bytes(pointer, len.saturating_mul(element));
+        let bytes = machine.memory().bytes(pointer, len.saturating_mul(element));
         let bytes =
             bytes.with_context(|| format!("frame {number} is at {pointer:#010x}, which is no memory"))?;
         Ok(Some(bytes))
@@ -133,7 +133,7 @@ impl Runner {
         let frame = paths.iter().position(|path| path.parent == Some(0)).unwrap_or(0);
         let mut measured = self.measured;
         measured.flame = flame::tree(&paths, frame);
-        measured.functions = self.machine.functions();
+        measured.functions = self.machine.self_cycles();
         measured.frame_stack_bytes = usage.stack;
         measured.stack_bytes = measured.stack_bytes.max(depth + usage.stack);
         measured
@@ -144,7 +144,7 @@ impl Runner {
 pub(super) fn start(core: Core, loaded: &LoadedImage, wait_states: u32) -> Result<(Image, Machine)> {
     let image = Image::parse(&loaded.elf).map_err(|error| anyhow!(error))?;
     let mut flash = Region::new("flash", FLASH, BYTES, false);
-    flash.waits.states = wait_states;
+    flash.wait_states.cycles = wait_states;
     for (address, bytes) in &loaded.files {
         let from = (address - FLASH) as usize;
         let place = flash.data.get_mut(from..from.saturating_add(bytes.len()));
@@ -159,13 +159,13 @@ pub(super) fn start(core: Core, loaded: &LoadedImage, wait_states: u32) -> Resul
 /// Bytes of RAM that the image has lent so far, beyond its own.
 pub(super) fn lent_bytes(machine: &Machine, image: &Image) -> u32 {
     let bytes =
-        image.symbol("LENT_BYTES").and_then(|address| machine.memory.bytes(address, 4)?.first_chunk());
+        image.symbol("LENT_BYTES").and_then(|address| machine.memory().bytes(address, 4)?.first_chunk());
     bytes.map_or(0, |bytes| u32::from_le_bytes(*bytes))
 }
 
 fn run_to(machine: &mut Machine, address: u32) -> Result<()> {
     let limit = machine.usage().cycles + LIMIT;
-    match machine.run(limit) {
+    match machine.run_until(limit) {
         Ok(Stop::Breakpoint(at)) if at == address => Ok(()),
         Ok(Stop::Breakpoint(_)) => bail!("the image refused its clip"),
         Ok(stop) => bail!("the image stopped: {stop:?}"),

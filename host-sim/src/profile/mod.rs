@@ -1,7 +1,7 @@
 //! What a clip costs on a microcontroller: cycles, memory and energy, from the machine code that would run there.
 //!
 //! A bare image (`tests/profile-image`) is built for the core once, the clip is put into simulated flash beside it, and
-//! both run on the simulator in [`thumb`](crate::thumb). A frame's cycles are those from the first instruction of its function to the return,
+//! both run on the simulator `thumb-cycles`. A frame's cycles are those from the first instruction of its function to the return,
 //! so measuring adds nothing to the image; every frame is compared with what the decoder gives on this machine. With a
 //! puppet, a whole tick stands where a frame would.
 

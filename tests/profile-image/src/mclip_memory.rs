@@ -4,7 +4,6 @@ use crate::lend::lend;
 use crate::loaded::{File, Number};
 use decoder_core::I16F16;
 use decoder_core::mclip::{Memory, State};
-use decoder_core::predict::Correlation;
 
 /// The clip.
 #[unsafe(no_mangle)]
@@ -14,13 +13,13 @@ pub static CLIP: File = File::NONE;
 #[unsafe(no_mangle)]
 static CHANNELS: Number = Number::NONE;
 
-/// Correlations that its decoder needs.
-#[unsafe(no_mangle)]
-static CORRELATIONS: Number = Number::NONE;
-
 /// Words that its decoder needs.
 #[unsafe(no_mangle)]
 static WORDS: Number = Number::NONE;
+
+/// Halves of words that its decoder needs.
+#[unsafe(no_mangle)]
+static HALVES: Number = Number::NONE;
 
 /// As much memory as the decoder needs.
 #[inline(always)]
@@ -28,7 +27,7 @@ pub fn memory() -> Memory<'static> {
     Memory {
         pose: lend(CHANNELS.elements(), I16F16::ZERO),
         states: lend(CHANNELS.elements(), State::EMPTY),
-        correlations: lend(CORRELATIONS.elements(), Correlation::EMPTY),
         words: lend(WORDS.elements(), 0),
+        halves: lend(HALVES.elements(), 0),
     }
 }
