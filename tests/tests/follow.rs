@@ -6,9 +6,9 @@ use bunraku_tests::clock::SimulatedClock;
 use bunraku_tests::{bunraku, workspace};
 use host_sim::play::virtual_bus;
 use host_sim::ports::{self, Clock};
-use host_sim::puppet::{Channels, Puppet};
 use host_sim::servos::pins::Board;
 use host_sim::servos::{Bus, BusConfig, Event, ServoConfig};
+use puppet_file::Puppet;
 use std::cell::{Cell, RefCell};
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -72,7 +72,7 @@ struct Followed {
 /// Follows in simulated time, in which the machine is too late by `late` in each tick from the first frame on.
 fn follow(late: Duration) -> Followed {
     let puppet = Puppet::read(&puppet()).unwrap();
-    let map = puppet.map(Channels::of_puppet(&puppet).unwrap()).unwrap();
+    let map = puppet.map(puppet.channels().unwrap()).unwrap();
     let joints = map.joints().iter();
     let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
     let mut servos = Bus::new(&BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) }).unwrap();

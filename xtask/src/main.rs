@@ -23,6 +23,7 @@ Commands:
   test       Run all tests; what cannot run here is listed and counted. Arguments go to the test runner
   boards     Build the firmware of every board with the embedded clip, and print what it takes of flash and RAM
   budgets    Measure cycles and bytes anew, and write bench/budgets.toml
+  api        Write down the public items of the crates that are for others, in docs/api
   publish-check
              Package and build the crates that are for others, as for the registry, without publishing them
   calibrate  Print how well the simulated cores agree with measurements and other simulators (docs/CYCLES.md)
@@ -45,6 +46,7 @@ fn main() -> ExitCode {
         (Some("boards"), []) => boards(),
         (Some("calibrate"), []) => calibrate(),
         (Some("budgets"), []) => budgets::budgets(),
+        (Some("api"), []) => publish::write_api(),
         (Some("publish-check"), []) => publish::check(),
         (Some("coverage"), []) => verify::coverage(),
         (Some("miri"), []) => verify::miri(),

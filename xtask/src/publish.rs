@@ -1,4 +1,5 @@
-//! `cargo xtask publish-check`: whether the crates that are for others could be published.
+//! `cargo xtask publish-check` and `cargo xtask api`: whether the crates that are for others could be published, and what they
+//! have for them.
 
 use crate::{Result, cargo, run};
 
@@ -6,4 +7,16 @@ use crate::{Result, cargo, run};
 /// Nothing is uploaded.
 pub fn check() -> Result<()> {
     run(cargo().args(["publish", "--workspace", "--dry-run", "--allow-dirty"]))
+}
+
+/// Writes docs/api anew: the public items of those crates.
+pub fn write_api() -> Result<()> {
+    run(cargo().env("BUNRAKU_WRITE_API", "1").args([
+        "test",
+        "--quiet",
+        "--package",
+        "xtask",
+        "--test",
+        "api",
+    ]))
 }
