@@ -10,7 +10,7 @@ use crate::rp2040js;
 use crate::servos::line::{Instantly, Line};
 use crate::servos::pins::Board;
 use anyhow::{Context, Result, anyhow, bail};
-use firmware::bus::{Parts, mixed};
+use firmware::bus::BoardBuses;
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::decoder_list::SingleClip;
 use firmware::fault::Feedback;
@@ -22,8 +22,8 @@ use firmware::playback::Playback;
 use puppet_file::Map;
 use servo_wire::bus::ServoBus;
 use servo_wire::dynamixel::bus::DynamixelBus;
-use servo_wire::dynamixel::client::Client;
-use servo_wire::port::{Automatic, Line as Timing, Port};
+use servo_wire::dynamixel::client::DynamixelClient;
+use servo_wire::port::{Automatic, LineConfig, Port};
 use std::cell::RefCell;
 use std::future::Future;
 use std::pin::pin;
@@ -89,14 +89,14 @@ pub fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
 ) -> Result<impl ServoBus + use<F>> {
     let of = |kind: BusKind| map.buses().iter().find(|bus| bus.kind == kind);
     let baud = of(BusKind::Dynamixel).map_or(1, |bus| bus.baud);
-    let port = Port::new(Line::new(hear), Automatic, Instantly, Timing::uart(baud));
-    let serial = DynamixelBus::<_, _, _>::new(Client::new(port));
-    let parts = Parts {
+    let port = Port::new(Line::new(hear), Automatic, Instantly, LineConfig::uart(baud));
+    let serial = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
+    let buses = BoardBuses {
         serial: Some((BusKind::Dynamixel, serial)),
         pca9685: Some(board.pca9685()?),
         pwm: of(BusKind::Pwm).map(|spec| board.pwm(*spec)).transpose()?,
     };
-    Ok(mixed(map, parts)?)
+    Ok(buses.of_map(map)?)
 }
 
 /// Surroundings, and somebody who looks at the end of each tick.
