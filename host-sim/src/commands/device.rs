@@ -81,7 +81,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     out.flush()?;
     drop(out);
-    device::run(&map, &config, listener, &|| false)?;
+    device::run_device(&map, &config, listener, &|| false)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -33,7 +33,7 @@ pub struct Args {
 pub fn run(args: Args) -> Result<ExitCode> {
     let mut client = args.port.open()?;
     let hello = client.hello().clone();
-    client.done(&Request::Telemetry { millis: args.every })?;
+    client.request_done(&Request::Telemetry { millis: args.every })?;
     let start = Instant::now();
     let silence = Duration::from_millis(u64::from(args.every)) + Duration::from_secs(3);
     let mut out = std::io::stdout().lock();
@@ -42,7 +42,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let left =
             args.seconds.map(|seconds| Duration::from_secs_f64(seconds).saturating_sub(start.elapsed()));
         if left == Some(Duration::ZERO) {
-            client.done(&Request::Telemetry { millis: 0 })?;
+            client.request_done(&Request::Telemetry { millis: 0 })?;
             return Ok(ExitCode::SUCCESS);
         }
         let limit = left.map_or(silence, |left| left.min(silence));

@@ -149,7 +149,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         Action::List => clips(&mut port.open()?)?,
         Action::Status => status(&mut port.open()?)?,
         Action::Delete { clip } => {
-            port.open()?.done(&Request::Remove { clip })?;
+            port.open()?.request_done(&Request::Remove { clip })?;
             (format!("clip {clip} is removed"), json!({ "clip": clip }))
         }
         other => {
@@ -253,7 +253,7 @@ fn status(client: &mut Client) -> Result<(String, Value)> {
 
 /// Waits until nothing moves any more.
 fn until_rest(client: &mut Client) -> Result<()> {
-    client.done(&Request::Telemetry { millis: 200 })?;
+    client.request_done(&Request::Telemetry { millis: 200 })?;
     let mut moved = false;
     loop {
         let Some(Telemetry { state, fault, .. }) = client.telemetry(Duration::from_secs(3))? else {
