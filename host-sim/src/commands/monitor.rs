@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 /// Show a device's telemetry: what it plays, its servos, its time, its faults.
 ///
-/// A line every so often, and at every change of state and fault. Ends with exit code 1 where the device says nothing any more.
+/// Prints a line at each interval, and at each change of state and fault. Exits with 1 where the device no longer answers.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku monitor tcp:127.0.0.1:4100 --every 100 --csv > dance.csv")]
 pub struct Args {
