@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 /// Fits recorded human motion to a puppet, compresses it, and plays it on servos.
 #[derive(Parser)]
-#[command(version, arg_required_else_help = true)]
+#[command(name = "bunraku", version, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -118,5 +118,10 @@ mod tests {
         let mut found = Vec::new();
         lacks(&command, "bunraku", false, &mut found);
         assert!(found.is_empty(), "{found:#?}");
+    }
+
+    #[test]
+    fn the_version_names_the_command() {
+        assert_eq!(Cli::command().render_version(), format!("bunraku {}\n", env!("CARGO_PKG_VERSION")));
     }
 }
