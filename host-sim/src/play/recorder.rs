@@ -1,6 +1,6 @@
 //! Virtual servos on a line, and what they are told.
 
-use super::{Recording, Taken, seconds};
+use super::recording::{Recording, Taken, seconds};
 use anyhow::{Result, bail};
 use firmware::map::{BusKind, Joint};
 use puppet_file::Map;
