@@ -3,5 +3,16 @@
 //! Floating point chooses here, but never reconstructs: every encoder decodes with `decoder-core`.
 #![forbid(unsafe_code)]
 
+mod bits;
+pub mod codec;
+pub mod column;
+mod entropy;
+pub mod error;
+pub mod lloyd_max;
 pub mod mclip;
+pub mod memory;
 pub mod qmd;
+pub mod simulate;
+pub mod source;
+pub mod task;
+pub mod train;

@@ -1,6 +1,6 @@
 //! The channels' part of a header: records in few bits, the predictors that they share, and the joints' names.
 
-use super::bits::BitWriter;
+use crate::bits::BitWriter;
 use decoder_core::arithmetic::unsigned;
 use decoder_core::mclip::{Channel, MANTISSA_BITS, Packing};
 
@@ -42,7 +42,7 @@ impl Records {
             let is_first = before.replace(channel.joint) != Some(channel.joint);
             out.put(is_first.into(), 1);
             if is_first && has_names {
-                super::writer::append(&mut names, &channel.joint);
+                append(&mut names, &channel.joint);
             }
             out.put(channel.kind.id().into(), 3);
             put(&mut out, bits, channel.bits);
@@ -101,9 +101,17 @@ fn number(out: &mut BitWriter, mut value: u32) {
     }
 }
 
+/// Appends a value as postcard writes it.
+pub(super) fn append(bytes: &mut Vec<u8>, value: &impl serde::Serialize) {
+    match postcard::to_stdvec(value) {
+        Ok(part) => bytes.extend(part),
+        Err(error) => unreachable!("a vector grows: {error}"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::writer;
+    use super::super::header;
     use super::*;
     use decoder_core::Limits;
     use decoder_core::mclip::{ChannelKind, CodecId, EntropyId, Header, Opening, entry_shift};
@@ -131,7 +139,7 @@ mod tests {
     }
 
     fn check(codec: CodecId, channels: &[Channel<'_>], precision: u8) -> usize {
-        let bytes = writer::header(&opening(codec, channels.len()), channels, precision);
+        let bytes = header::emit(&opening(codec, channels.len()), channels, precision);
         let header = Header::parse(&bytes, Limits::MAX).unwrap();
         assert_eq!(header.channels().collect::<Vec<_>>(), channels);
         bytes.len()
@@ -214,7 +222,7 @@ mod tests {
                 coefficient: 16_000 + index,
             })
             .collect();
-        let bytes = writer::header(&opening(CodecId::Dpcm, 400), &channels, 2);
+        let bytes = header::emit(&opening(CodecId::Dpcm, 400), &channels, 2);
         let header = Header::parse(&bytes, Limits::MAX).unwrap();
         let found: Vec<i16> = header.channels().map(|channel| channel.coefficient).collect();
         assert!((0..256).all(|index| found[index as usize] == 16_000 + index));

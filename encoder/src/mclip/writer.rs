@@ -1,62 +1,15 @@
-//! The bytes of a clip (docs/FORMAT.md, "mclip").
+//! The blocks of a clip (docs/FORMAT.md, "mclip"): codes into bits.
 
-use super::bits::BitWriter;
-use super::prefix::{Books, CLASS_COUNTS};
-use super::record::Records;
-use super::run::{Coded, Plan};
+use super::header;
+use crate::bits::BitWriter;
+use crate::column::PRECISION;
+use crate::entropy::huffman::{Books, CLASS_COUNTS};
+use crate::simulate::{Coded, Outline};
 use decoder_core::arithmetic::unsigned;
 use decoder_core::entropy::AdaptiveHuffman;
 use decoder_core::entropy::fixed_width::OCTET;
 use decoder_core::entropy::huffman::Shape;
-use decoder_core::mclip::{
-    BlockHeader, Channel, Clip, CodecId, EntropyId, Header, MAGIC, Opening, VERSION, checksum,
-};
-use decoder_core::{Error, Limits};
-
-/// Prefix, header and checksum. The memory that a decoder needs and the channels are filled in.
-pub(super) fn header(opening: &Opening<'_>, channels: &[Channel<'_>], precision: u8) -> Vec<u8> {
-    let Records { predictors, records, names } =
-        Records::of(channels, precision, opening.codec == CodecId::Pcm.id());
-    let opening =
-        Opening { predictors: &predictors, records: &records, names: &names, ram: u32::MAX, ..*opening };
-    // A header that asks for all memory is valid, and says what it needs.
-    let most = assemble(&opening);
-    let ram = Header::parse(&most, Limits::MAX).map_or(u32::MAX, |header| header.needs().bytes() as u32);
-    assemble(&Opening { ram, ..opening })
-}
-
-fn assemble(opening: &Opening<'_>) -> Vec<u8> {
-    let mut body = Vec::new();
-    append(&mut body, opening);
-    let mut bytes = MAGIC.to_vec();
-    bytes.extend(VERSION.to_le_bytes());
-    bytes.extend([0, 0]);
-    bytes.extend((body.len() as u32).to_le_bytes());
-    bytes.extend(body);
-    bytes.extend(checksum(&bytes, &[]).to_le_bytes());
-    bytes
-}
-
-/// The clip with worst-case cycles of its frames in its header, each with the number of its core (docs/FORMAT.md, "Header"),
-/// instead of those that it had.
-///
-/// # Errors
-/// Where these bytes are no clip.
-pub fn certify(clip: &[u8], cycles: &[(u8, u32)]) -> Result<Vec<u8>, Error> {
-    let parsed = Clip::parse(clip, Limits::MAX)?;
-    let entry = |&(core, cycles): &(u8, u32)| core::iter::once(core).chain(cycles.to_le_bytes());
-    let cycles: Vec<u8> = cycles.iter().flat_map(entry).collect();
-    let mut bytes = assemble(&Opening { cycles: &cycles, ..*parsed.header().opening() });
-    bytes.extend(clip.iter().skip(parsed.header_bytes()));
-    Ok(bytes)
-}
-
-pub(super) fn append(bytes: &mut Vec<u8>, value: &impl serde::Serialize) {
-    match postcard::to_stdvec(value) {
-        Ok(part) => bytes.extend(part),
-        Err(error) => unreachable!("a vector grows: {error}"),
-    }
-}
+use decoder_core::mclip::{BlockHeader, CodecId, EntropyId, Opening};
 
 /// Codes on their way to bits.
 enum Coder<'c> {
@@ -85,13 +38,15 @@ impl Coder<'_> {
 }
 
 /// The clip that has these codes, with the entropy stage's best tables.
-pub(super) fn write(plan: &Plan<'_>, coded: &Coded, entropy: EntropyId) -> Vec<u8> {
+pub(super) fn write(outline: &Outline<'_>, coded: &Coded, entropy: EntropyId, block_bytes: u16) -> Vec<u8> {
     match entropy {
-        EntropyId::FixedWidth => assemble_clip(plan, coded, entropy, &[], &mut Coder::FixedWidth),
+        EntropyId::FixedWidth => {
+            assemble_clip(outline, coded, entropy, block_bytes, &[], &mut Coder::FixedWidth)
+        }
         EntropyId::Huffman => {
             let clips = CLASS_COUNTS.iter().map(|&classes| {
-                let books = Books::fit(&contexts(plan, coded, classes), classes);
-                assemble_clip(plan, coded, entropy, &books.bytes, &mut Coder::Huffman(&books))
+                let books = Books::fit(&contexts(outline, coded, classes), classes);
+                assemble_clip(outline, coded, entropy, block_bytes, &books.bytes, &mut Coder::Huffman(&books))
             });
             clips.min_by_key(Vec::len).unwrap_or_default()
         }
@@ -99,7 +54,14 @@ pub(super) fn write(plan: &Plan<'_>, coded: &Coded, entropy: EntropyId) -> Vec<u
             let clips = (3..=7u8).map(|bits| {
                 let mut words = vec![0; AdaptiveHuffman::words(bits)];
                 match AdaptiveHuffman::new(bits, &mut words) {
-                    Some(tree) => assemble_clip(plan, coded, entropy, &[bits], &mut Coder::Adaptive(tree)),
+                    Some(tree) => assemble_clip(
+                        outline,
+                        coded,
+                        entropy,
+                        block_bytes,
+                        &[bits],
+                        &mut Coder::Adaptive(tree),
+                    ),
                     None => unreachable!("the memory is as large as the tree says"),
                 }
             });
@@ -109,16 +71,16 @@ pub(super) fn write(plan: &Plan<'_>, coded: &Coded, entropy: EntropyId) -> Vec<u
 }
 
 /// Every code with its width and the table of so many that it is read with, in order.
-fn contexts(plan: &Plan<'_>, coded: &Coded, classes: u8) -> Vec<(i32, u8, u8)> {
+fn contexts(outline: &Outline<'_>, coded: &Coded, classes: u8) -> Vec<(i32, u8, u8)> {
     let shape = Shape { classes, groups: 1 };
     let mut out = Vec::with_capacity(coded.codes.len());
-    let mut tables = vec![0; plan.channels.len()];
-    walk(plan, coded, |_, part| {
+    let mut tables = vec![0; outline.channels.len()];
+    walk(outline, coded, |_, part| {
         let Frame::Codes(codes) = part else {
             tables.fill(0);
             return;
         };
-        for (&code, (channel, bits)) in codes.iter().zip(active(plan)) {
+        for (&code, (channel, bits)) in codes.iter().zip(active(outline)) {
             out.push((code, bits, tables[channel]));
             tables[channel] = shape.next_table(tables[channel], code);
         }
@@ -127,8 +89,8 @@ fn contexts(plan: &Plan<'_>, coded: &Coded, classes: u8) -> Vec<(i32, u8, u8)> {
 }
 
 /// Channels that have codes, and their bits.
-fn active<'p>(plan: &'p Plan<'_>) -> impl Iterator<Item = (usize, u8)> + 'p {
-    let bits = plan.channels.iter().map(|channel| channel.bits);
+fn active<'p>(outline: &'p Outline<'_>) -> impl Iterator<Item = (usize, u8)> + 'p {
+    let bits = outline.channels.iter().map(|channel| channel.bits);
     bits.enumerate().filter(|&(_, bits)| bits > 0)
 }
 
@@ -141,13 +103,13 @@ enum Frame<'c> {
 }
 
 /// Goes through all frames: the frame's number, and its parts.
-fn walk(plan: &Plan<'_>, coded: &Coded, mut visit: impl FnMut(usize, Frame<'_>)) {
-    let has_values = plan.opening.codec != CodecId::Pcm.id();
-    let count = active(plan).count();
+fn walk(outline: &Outline<'_>, coded: &Coded, mut visit: impl FnMut(usize, Frame<'_>)) {
+    let has_values = outline.opening.codec != CodecId::Pcm.id();
+    let count = active(outline).count();
     let mut codes = coded.codes.as_slice();
     let mut entries = coded.entries.iter();
-    for frame in 0..plan.opening.frames as usize {
-        if plan.is_entry(frame) {
+    for frame in 0..outline.opening.frames as usize {
+        if outline.is_entry(frame) {
             visit(frame, Frame::Entry(entries.next().map_or(&[], Vec::as_slice)));
             if has_values {
                 continue;
@@ -184,18 +146,19 @@ impl Block {
 }
 
 fn assemble_clip(
-    plan: &Plan<'_>,
+    outline: &Outline<'_>,
     coded: &Coded,
     entropy: EntropyId,
+    block_bytes: u16,
     tables: &[u8],
     coder: &mut Coder<'_>,
 ) -> Vec<u8> {
-    let most = usize::from(plan.opening.block_bytes);
+    let most = usize::from(block_bytes);
     let mut frames: Vec<(bool, BitWriter)> = Vec::new();
-    let mut contexts = vec![0; plan.channels.len()];
-    walk(plan, coded, |frame, part| {
+    let mut contexts = vec![0; outline.channels.len()];
+    walk(outline, coded, |frame, part| {
         if frames.len() == frame {
-            frames.push((plan.is_entry(frame), BitWriter::default()));
+            frames.push((outline.is_entry(frame), BitWriter::default()));
         }
         let out = &mut frames[frame].1;
         match part {
@@ -210,7 +173,7 @@ fn assemble_clip(
             }
             Frame::Codes(codes) => {
                 let mut codes = codes.iter();
-                let channels = plan.channels.iter().zip(&mut contexts).enumerate();
+                let channels = outline.channels.iter().zip(&mut contexts).enumerate();
                 for (number, (channel, context)) in channels {
                     if number % OCTET == 0 && matches!(coder, Coder::FixedWidth) {
                         out.align();
@@ -240,8 +203,8 @@ fn assemble_clip(
         block.frames += 1;
     }
     block.finish(&mut blocks, &mut longest);
-    let opening = Opening { entropy: entropy.id(), tables, block_bytes: longest as u16, ..plan.opening };
-    let mut bytes = header(&opening, &plan.channels, plan.precision);
+    let opening = Opening { entropy: entropy.id(), tables, block_bytes: longest as u16, ..outline.opening };
+    let mut bytes = header::emit(&opening, &outline.channels, PRECISION);
     bytes.extend(blocks);
     bytes
 }

@@ -1,15 +1,15 @@
 //! Static Huffman tables: the best code lengths under a limit, and how a header describes them.
 
-use super::bits::BitWriter;
+use crate::bits::BitWriter;
 use decoder_core::arithmetic::{signed, unsigned};
 use decoder_core::entropy::huffman::{INDEX_BITS, Shape};
 
 /// Numbers of classes to choose from.
-pub(super) const CLASS_COUNTS: [u8; 4] = [1, 3, 5, 8];
+pub(crate) const CLASS_COUNTS: [u8; 4] = [1, 3, 5, 8];
 
 /// A code book of one table.
 #[derive(Clone, Debug)]
-pub(super) struct Book {
+pub(crate) struct Book {
     /// Length and code of each symbol; length 0 is none.
     codes: Vec<(u8, u16)>,
     /// Number of the escape among them.
@@ -20,7 +20,7 @@ pub(super) struct Book {
 
 /// Books for every class, and their description.
 #[derive(Clone, Debug)]
-pub(super) struct Books {
+pub(crate) struct Books {
     shape: Shape,
     books: Vec<Book>,
     pub bytes: Vec<u8>,

@@ -2,7 +2,7 @@
 
 /// Bytes that are written bit by bit.
 #[derive(Clone, Debug, Default)]
-pub(super) struct BitWriter {
+pub(crate) struct BitWriter {
     bytes: Vec<u8>,
     length: usize,
 }
