@@ -4,15 +4,16 @@
 //! flash is one bounded step a tick ([`Store::step`], or the pages of one request), and a request is answered in the tick
 //! in which it is read: where more steps are needed with [`Response::Again`].
 
-use crate::clips::{Clips, LIVE};
+use crate::clips::Clips;
 use crate::fault::Feedback;
+use crate::library::LIVE;
 use crate::link::message::{
     ClipInfo, Hello, LinkCounts, Playing, Refusal, Request, Response, ServoInfo, Streaming, Telemetry,
     VERSION,
 };
 use crate::link::session::Session;
 use crate::machine::{Command, Machine};
-use crate::store::{Mapped, Name, Status, Store, StoreError};
+use crate::store::{MappedFlash, Name, Status, Store, StoreError};
 use heapless::Vec;
 
 /// What a device says of itself.
@@ -64,7 +65,7 @@ impl Device {
     /// ended without its end.
     ///
     /// `millis` is the time since the device was turned on, `busy` the cycles of [`Identity::clock_hz`] that the last tick took.
-    pub fn tick<F: Mapped, const N: usize>(
+    pub fn tick<F: MappedFlash, const N: usize>(
         &mut self,
         machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
         feedback: &Feedback<'_>,
@@ -92,7 +93,7 @@ impl Device {
 
     /// Takes what has come on a line off the front of `bytes` and answers it; [`Session::outgoing`] is then to be sent. `bytes` that are
     /// left are to be given again in the next tick.
-    pub fn serve<F: Mapped, const N: usize>(
+    pub fn serve<F: MappedFlash, const N: usize>(
         &mut self,
         session: &mut Session,
         bytes: &mut &[u8],
@@ -110,12 +111,12 @@ impl Device {
         }
     }
 
-    fn may_write<F: Mapped, const N: usize>(&self, machine: &Machine<'_, Clips<'_, '_, F>, N>) -> bool {
+    fn may_write<F: MappedFlash, const N: usize>(&self, machine: &Machine<'_, Clips<'_, '_, F>, N>) -> bool {
         !self.identity.flash_stalls || machine.at_rest()
     }
 
     /// A step of what the store is doing.
-    fn work<F: Mapped, const N: usize>(&mut self, machine: &mut Machine<'_, Clips<'_, '_, F>, N>) {
+    fn work<F: MappedFlash, const N: usize>(&mut self, machine: &mut Machine<'_, Clips<'_, '_, F>, N>) {
         let Some(store) = machine.library().store() else { return };
         if matches!(store.status(), Status::Idle | Status::Receiving { .. }) {
             return;
@@ -128,7 +129,7 @@ impl Device {
         }
     }
 
-    fn answer<F: Mapped, const N: usize>(
+    fn answer<F: MappedFlash, const N: usize>(
         &mut self,
         request: &Request<'_>,
         machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
@@ -172,7 +173,7 @@ impl Device {
     }
 
     /// Changes to the clips in flash. Each may be asked again and again.
-    fn change<F: Mapped>(
+    fn change<F: MappedFlash>(
         &mut self,
         request: &Request<'_>,
         store: &mut Store<F>,
@@ -241,7 +242,7 @@ impl Device {
         self.ended.unwrap_or(Ok(()))
     }
 
-    fn hello<F: Mapped, const N: usize>(&self, machine: &mut Machine<'_, Clips<'_, '_, F>, N>) -> Hello {
+    fn hello<F: MappedFlash, const N: usize>(&self, machine: &mut Machine<'_, Clips<'_, '_, F>, N>) -> Hello {
         let map = machine.map();
         Hello {
             version: VERSION,
@@ -256,14 +257,14 @@ impl Device {
         }
     }
 
-    fn telemetry<F: Mapped, const N: usize>(
+    fn telemetry<F: MappedFlash, const N: usize>(
         &self,
         machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
         feedback: &Feedback<'_>,
     ) -> Telemetry {
         let live = machine.library().live();
         let stream = Streaming { progress: live.progress(), counters: live.counters() };
-        let playing = machine.stage().position();
+        let playing = machine.mixer().position();
         let servos = machine.goals().iter().zip(feedback.readings);
         let servos: Vec<_, _> = servos
             .map(|(goal, reading)| ServoInfo { id: goal.id, goal: goal.position, reading: *reading })
@@ -274,7 +275,7 @@ impl Device {
             state: machine.state(),
             fault: machine.fault(),
             playing: playing.map(|(clip, frame, phase)| Playing { clip, frame, phase }),
-            speed: machine.stage().speed().parts(),
+            speed: machine.mixer().speed().parts(),
             ticks: self.ticks,
             missed: self.missed,
             busy: self.busy,
@@ -288,7 +289,7 @@ impl Device {
     }
 }
 
-fn command_machine<F: Mapped, const N: usize>(
+fn command_machine<F: MappedFlash, const N: usize>(
     command: Command,
     machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
 ) -> Result<Response, Refusal> {
@@ -310,13 +311,13 @@ fn progress(status: Status) -> Response {
     }
 }
 
-fn streaming<F: Mapped>(clips: &Clips<'_, '_, F>) -> Response {
+fn streaming<F: MappedFlash>(clips: &Clips<'_, '_, F>) -> Response {
     let live = clips.live();
     Response::Stream(Streaming { progress: live.progress(), counters: live.counters() })
 }
 
 /// A place of the list: the clips in flash, then those linked in that they do not hide.
-fn info<F: Mapped>(clips: &mut Clips<'_, '_, F>, index: u16) -> Option<ClipInfo> {
+fn info<F: MappedFlash>(clips: &mut Clips<'_, '_, F>, index: u16) -> Option<ClipInfo> {
     let linked = clips.linked();
     let mut count = 0;
     if let Some(store) = clips.store() {

@@ -3,15 +3,15 @@
 //! A fault latches: the puppet stays in the state that its [`Policy`](crate::map::Policy) names until someone
 //! acknowledges. docs/SAFETY.md lists each with the time that it takes and the test that shows it.
 
-use crate::bus::{
-    BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE,
-    ERROR_WATCHDOG, Reading,
-};
 use crate::map::Settings;
 use core::fmt;
 use decoder_core::Error;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
+use servo_wire::bus::{
+    BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE,
+    ERROR_WATCHDOG, Reading,
+};
 
 /// A fault. Servos are numbered as in the joint map, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -128,7 +128,7 @@ pub struct Feedback<'a> {
 
 /// Counts what stays wrong.
 #[derive(Clone, Debug)]
-pub struct Watch<const N: usize> {
+pub struct FaultDetector<const N: usize> {
     patience: u8,
     silent: Vec<u8, N>,
     low: Vec<u8, N>,
@@ -139,7 +139,7 @@ pub struct Watch<const N: usize> {
     late: u8,
 }
 
-impl<const N: usize> Watch<N> {
+impl<const N: usize> FaultDetector<N> {
     /// Nothing has been wrong with `servos` servos.
     pub fn new(settings: &Settings, servos: usize) -> Self {
         let none = || core::iter::repeat_n(0, servos).collect();
@@ -194,7 +194,7 @@ impl<const N: usize> Watch<N> {
 
     /// The first fault that a tick's feedback shows. `reads` tells the servos that can be read, `armed` those that were
     /// told to hold.
-    pub fn examine(
+    pub fn detect(
         &mut self,
         settings: &Settings,
         feedback: &Feedback<'_>,
@@ -285,11 +285,11 @@ mod tests {
     /// The tick, from 1, in which a fault is seen first.
     fn seen(feedback: &dyn Fn(u32) -> Shown) -> Option<(u32, Fault)> {
         let settings = Settings { min_millivolts: 9_000, ..Settings::new(100) };
-        let mut watch = Watch::<2>::new(&settings, 2);
+        let mut detector = FaultDetector::<2>::new(&settings, 2);
         (1..50).find_map(|tick| {
             let (readings, bus, late) = feedback(tick);
             let feedback = Feedback { readings: &readings, bus, action: None, late };
-            watch.examine(&settings, &feedback, |_| true, |_| true).map(|fault| (tick, fault))
+            detector.detect(&settings, &feedback, |_| true, |_| true).map(|fault| (tick, fault))
         })
     }
 

@@ -4,16 +4,15 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
-pub mod blender;
 pub mod bus;
 pub mod clips;
 pub mod clock;
+pub mod control_loop;
+pub mod decoder_list;
 pub mod device;
-pub mod drive;
-pub mod dynamixel;
 pub mod fault;
-pub mod feetech;
 pub mod follow;
+pub mod frames;
 pub mod idle;
 pub mod interpolate;
 pub mod library;
@@ -21,13 +20,12 @@ pub mod limits;
 pub mod link;
 pub mod machine;
 pub mod map;
-pub mod pca9685;
-pub mod protocol1;
-pub mod pwm;
+pub mod mixer;
+pub mod play_error;
+pub mod playback;
 pub mod script;
 pub mod sender;
-pub mod stage;
+pub mod show;
 pub mod store;
 pub mod stream;
-pub mod voice;
 pub mod wearable;

@@ -1,10 +1,9 @@
 //! Commands by the clock: what a show does at which tick.
 
-use crate::clips::LIVE;
+use crate::library::{LIVE, Library};
 use crate::machine::{Command, Machine, State};
+use crate::play_error::PlayError;
 use crate::sender::Sender;
-use crate::stage::Library;
-use crate::voice::PlayError;
 
 /// What happens at a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,19 +89,19 @@ impl<'s, 'l> Script<'s, 'l> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::world::{Clips, map};
-    use crate::machine::{Rehearsal, Show, Start};
+    use crate::machine::test_puppet::{FormulaClips, map};
+    use crate::machine::{IdealServos, Show, Start};
     use crate::map::Settings;
+    use crate::mixer::QUEUE;
     use crate::sender::{STREAM, StreamMemory};
-    use crate::stage::QUEUE;
     use crate::stream::Live;
 
     #[test]
     fn commands_are_given_at_their_ticks_and_the_end_comes_after_them() {
         let map = map(Settings::new(100));
         let show = Show { playlist: &[1], ..Show::default() };
-        let mut machine = Machine::new(&map, Clips::default(), show, Start::Power);
-        let mut servos = Rehearsal::new(&machine);
+        let mut machine = Machine::new(&map, FormulaClips::default(), show, Start::Power);
+        let mut servos = IdealServos::new(&machine);
         let full = (0..=QUEUE as u32).map(|_| (120, Command::Queue { clip: 1, repeats: false }));
         let orders: Vec<_> = [(50, Command::Pause), (110, Command::Resume)]
             .into_iter()

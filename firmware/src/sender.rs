@@ -1,12 +1,12 @@
 //! A sender of live streams that goes by the clock, for shows: what it sends, and what of it gets lost, is the same in each run.
 
-use crate::clips::{LIVE, Workspace};
+use crate::clips::Workspace;
+use crate::library::{LIVE, Library};
 use crate::link::message::DATA_BYTES;
 use crate::machine::{Command, Machine};
 use crate::map::JointMap;
-use crate::stage::Library;
+use crate::play_error::PlayError;
 use crate::stream::{Counters, Live, Made, Memory, PlayerMemory, Settings};
-use crate::voice::PlayError;
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, Prefix};
 use decoder_core::{I16F16, Limits};
 

@@ -4,9 +4,10 @@
 //! nothing limits a speed, nobody answers. What may not jump, a servo above all, needs a [`Machine`](crate::machine::Machine).
 
 use crate::clock::{Clock, Speed};
+use crate::frames::Frames;
 use crate::limits::{FINE_BITS, clamp};
 use crate::map::{Joint, JointMap};
-use crate::voice::{Frames, PlayError};
+use crate::play_error::PlayError;
 use decoder_core::{Error, I16F16};
 use heapless::Vec;
 
@@ -80,7 +81,7 @@ fn of(joint: &Joint, frame: &[I16F16]) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::world::map;
+    use crate::machine::test_puppet::map;
     use crate::map::Settings;
 
     /// Frames whose one channel counts.

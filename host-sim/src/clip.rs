@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail};
 use decoder_core::{I16F16, Limits, mclip, qmd};
 use encoder::mclip::Lent;
-use firmware::voice::Frames;
+use firmware::frames::Frames;
 use std::path::Path;
 
 /// A clip in one of our two containers, which was checked.

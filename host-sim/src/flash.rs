@@ -6,7 +6,7 @@
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
-use firmware::store::Mapped;
+use firmware::store::{Lease, Leases, MappedFlash};
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -48,14 +48,16 @@ pub struct Flash<const SECTOR: usize> {
     erases: Vec<u32>,
     cut: Option<(u64, Tear)>,
     dead: bool,
+    leases: Leases,
 }
 
 impl<const SECTOR: usize> Clone for Flash<SECTOR> {
     /// A copy that is in no file.
     fn clone(&self) -> Self {
-        let Self { bytes, written, operations, erases, cut, dead, file: _ } = self;
-        let (bytes, written, erases) = (bytes.clone(), written.clone(), erases.clone());
-        Self { bytes, written, erases, file: None, operations: *operations, cut: *cut, dead: *dead }
+        let Self { bytes, written, operations, erases, cut, dead, leases, file: _ } = self;
+        let (bytes, written, erases, leases) =
+            (bytes.clone(), written.clone(), erases.clone(), leases.clone());
+        Self { bytes, written, erases, file: None, operations: *operations, cut: *cut, dead: *dead, leases }
     }
 }
 
@@ -70,7 +72,8 @@ impl<const SECTOR: usize> Flash<SECTOR> {
         bytes.resize(bytes.len().next_multiple_of(SECTOR), 0xff);
         let written = bytes.chunks(WORD).map(|word| word.iter().any(|&byte| byte != 0xff)).collect();
         let erases = vec![0; bytes.len() / SECTOR];
-        Self { bytes, written, file: None, operations: 0, erases, cut: None, dead: false }
+        let leases = Leases::new();
+        Self { bytes, written, file: None, operations: 0, erases, cut: None, dead: false, leases }
     }
 
     /// Flash of so many sectors that is kept in a file. Every operation writes through.
@@ -122,6 +125,10 @@ impl<const SECTOR: usize> Flash<SECTOR> {
     pub const fn power_on(&mut self) {
         self.dead = false;
         self.cut = None;
+    }
+
+    fn check_leases(&self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        if self.leases.may_change(from, to) { Ok(()) } else { Err(NorFlashErrorKind::Other) }
     }
 
     /// Brings the bytes from `at` to `goal`, or what a cut leaves of that.
@@ -201,6 +208,7 @@ impl<const SECTOR: usize> NorFlash for Flash<SECTOR> {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
         check_erase(self, from, to)?;
+        self.check_leases(from, to)?;
         (from as usize..to as usize)
             .step_by(SECTOR)
             .try_for_each(|at| self.operate(at, &[0xff; SECTOR], true))
@@ -209,6 +217,7 @@ impl<const SECTOR: usize> NorFlash for Flash<SECTOR> {
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
         check_write(self, offset, bytes.len())?;
         let at = offset as usize;
+        self.check_leases(offset, (at + bytes.len()) as u32)?;
         let words = at / WORD..(at + bytes.len()) / WORD;
         if self.written[words].iter().any(|&written| written) {
             return Err(NorFlashErrorKind::Other);
@@ -217,14 +226,23 @@ impl<const SECTOR: usize> NorFlash for Flash<SECTOR> {
     }
 }
 
-impl<const SECTOR: usize> Mapped for Flash<SECTOR> {
+impl<const SECTOR: usize> MappedFlash for Flash<SECTOR> {
     fn mapped(&self, at: u32, bytes: u32) -> Option<&[u8]> {
         self.bytes.get(at as usize..)?.get(..bytes as usize)
     }
 
     /// Leaks a copy: a vector has no address for ever.
-    fn lend(&self, at: u32, bytes: u32) -> Option<&'static [u8]> {
-        self.mapped(at, bytes).map(|bytes| &*Box::leak(bytes.to_vec().into_boxed_slice()))
+    fn lend(&mut self, at: u32, bytes: u32) -> Option<Lease> {
+        let copy = self.mapped(at, bytes)?.to_vec();
+        self.leases.lend(at, Box::leak(copy.into_boxed_slice()))
+    }
+
+    fn take_back(&mut self, lease: Lease) {
+        self.leases.take_back(lease);
+    }
+
+    fn leases(&self) -> &Leases {
+        &self.leases
     }
 }
 
@@ -244,7 +262,10 @@ mod tests {
         assert_eq!(flash.mapped(0, 5), Some(&[1, 2, 3, 4, 0xff][..]));
         assert_eq!(flash.erase(0, 256), Ok(()));
         assert_eq!(flash.write(0, &[5; 4]), Ok(()));
-        assert_eq!(flash.lend(0, 4), Some(&[5; 4][..]));
+        let lease = flash.lend(0, 4).unwrap();
+        assert_eq!(lease.bytes(), [5; 4]);
+        assert_eq!(flash.erase(0, 256), Err(NorFlashErrorKind::Other), "it is read");
+        flash.take_back(lease);
         assert_eq!((flash.operations(), flash.erases()), (3, &[1, 0][..]));
         assert_eq!(flash.mapped(500, 13), None);
     }

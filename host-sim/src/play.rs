@@ -12,18 +12,19 @@ use crate::servos::line::{Instantly, Line};
 use crate::servos::pins::Board;
 use crate::thumb::{self, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
-use firmware::bus::ServoBus;
-use firmware::bus::mixed::{Parts, mixed};
-use firmware::bus::port::{Automatic, Line as Timing, Port};
-use firmware::drive::{Surroundings, drive};
-use firmware::dynamixel::bus::DynamixelBus;
-use firmware::dynamixel::client::Client;
+use firmware::bus::{Parts, mixed};
+use firmware::control_loop::{Surroundings, control_loop};
+use firmware::decoder_list::SingleClip;
 use firmware::fault::Feedback;
-use firmware::library::Single;
+use firmware::frames::Frames;
+use firmware::library::Library;
 use firmware::machine::{Machine as Puppet, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
-use firmware::stage::Library;
-use firmware::voice::{Frames, Voice};
+use firmware::playback::Playback;
+use servo_wire::bus::ServoBus;
+use servo_wire::dynamixel::bus::DynamixelBus;
+use servo_wire::dynamixel::client::Client;
+use servo_wire::port::{Automatic, Line as Timing, Port};
 use std::cell::RefCell;
 use std::future::Future;
 use std::io;
@@ -90,9 +91,10 @@ fn rate(clip: &Clip<'_>, centihertz: u16) -> u16 {
 
 /// Plays frames from power on to rest, and records what the servos are told.
 fn record(frames: &mut dyn Frames, map: &Map, rate: u16) -> Result<Recording> {
-    let frames = Voice::new(frames, map, false, 0).map(Voice::into_frames).map_err(|(error, _)| error)?;
+    let frames =
+        Playback::new(frames, map, false, 0).map(Playback::into_frames).map_err(|(error, _)| error)?;
     frames.approach(0);
-    let library = Single::new(frames, Some(rate));
+    let library = SingleClip::new(frames, Some(rate));
     let mut puppet = Puppet::new(map, library, Show { playlist: &[0], ..Show::default() }, Start::Power);
     let recorder = on_the_spot(&mut puppet, Recorder::with_pins(map)?, &mut ToTheEnd)?;
     if let Some(fault) = puppet.fault() {
@@ -111,7 +113,7 @@ pub(crate) fn on_the_spot<'m, L: Library, S: Surroundings<L, MAX_SERVOS>>(
     let (board, hear) = (Board::default(), |bytes: &[u8]| recorder.borrow_mut().receive(bytes));
     let mut bus = virtual_bus(puppet.map(), &board, hear)?;
     let end_tick = || recorder.borrow_mut().end_tick(&board.pins());
-    now(drive(puppet, &mut bus, &mut Noting { surroundings, end_tick }))?;
+    now(control_loop(puppet, &mut bus, &mut Noting { surroundings, end_tick }))?;
     drop(bus);
     Ok(recorder.into_inner())
 }

@@ -4,7 +4,7 @@ use crate::motion;
 use decoder_core::mclip::{self, CodecId, Prefix};
 use decoder_core::{I16F16, Limits};
 use encoder::mclip::{self as encoders, Encoder, Lent, Quality};
-use firmware::clips::{Clips, Post, Worker, Workspace, decode};
+use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
 use firmware::store::Store;
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use host_sim::flash::Flash;
@@ -38,11 +38,11 @@ pub fn with_clips<R>(
     let player = PlayerMemory { header: &mut header, block: &mut block, poses };
     let live = Live::new(Memory { buffer: &mut buffer, player }, SETTINGS);
     let (mut first, mut second) = (Space::new(), Space::new());
-    let (mut poses, posts) = ([[I16F16::ZERO; CHANNELS]; 2], [Post::new(), Post::new()]);
-    let first = pin!(decode(&posts[0], &mut first, &live));
-    let second = pin!(decode(&posts[1], &mut second, &live));
+    let (mut poses, mailboxes) = ([[I16F16::ZERO; CHANNELS]; 2], [Mailbox::new(), Mailbox::new()]);
+    let first = pin!(decode(&mailboxes[0], &mut first, &live));
+    let second = pin!(decode(&mailboxes[1], &mut second, &live));
     let [one, other] = poses.each_mut();
-    let workers = [Worker::new(first, &posts[0], one), Worker::new(second, &posts[1], other)];
+    let workers = [Worker::new(first, &mailboxes[0], one), Worker::new(second, &mailboxes[1], other)];
     then(Clips::new(linked, store, &live, workers), &live)
 }
 

@@ -5,15 +5,16 @@ use bunraku_tests::live::{Space, clips, with_clips};
 use bunraku_tests::{mclip, vectors};
 use decoder_core::mclip::checksum;
 use decoder_core::{Error, I16F16};
-use firmware::bus::{Goal, Reading};
 use firmware::clips::{Clips, LIVE};
 use firmware::fault::{Fault, Feedback};
-use firmware::machine::{Action, Command, Machine, Plan, Show, Start, State};
+use firmware::frames::Frames;
+use firmware::library::Library;
+use firmware::machine::{Action, Command, Machine, Show, Start, State, TickOutput};
 use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, Settings};
-use firmware::stage::Library;
+use firmware::play_error::PlayError;
 use firmware::store::{Layout, Status, Store};
-use firmware::voice::{Frames, PlayError};
 use host_sim::flash::Flash;
+use servo_wire::bus::{Goal, Reading};
 use sha2::{Digest, Sha256};
 
 fn leak(bytes: &[u8]) -> &'static [u8] {
@@ -119,7 +120,7 @@ impl<'t, 's> World<'_, 't, 's> {
         let readings: Vec<_> = (0..SERVOS).map(|servo| Some(reading(servo))).collect();
         let action = self.acted.map(|_| Ok(()));
         let feedback = Feedback { readings: &readings, bus: Ok(()), action, late: false };
-        let Plan { goals, action } = self.machine.tick(&feedback);
+        let TickOutput { goals, action } = self.machine.tick(&feedback);
         for (now, last) in goals.iter().zip(&self.goals) {
             assert!((now.position - last.position).abs() <= 58, "servo {}", now.id);
             assert!((0..=4095).contains(&now.position));
@@ -162,7 +163,7 @@ impl<'t, 's> World<'_, 't, 's> {
     }
 
     fn clip(&self) -> Option<u16> {
-        self.machine.stage().position().map(|(clip, ..)| clip)
+        self.machine.mixer().position().map(|(clip, ..)| clip)
     }
 }
 
@@ -192,7 +193,7 @@ fn a_puppet_plays_what_is_stored_and_what_is_streamed() {
         world.machine.command(Command::Play { clip: 0, repeats: true }).unwrap();
         (0..300).for_each(|_| world.tick());
         let frames = clips[2].frames.len() as u32;
-        let (_, frame, _) = world.machine.stage().position().unwrap();
+        let (_, frame, _) = world.machine.mixer().position().unwrap();
         assert!(frame < frames && world.machine.fault().is_none());
 
         // A stream, which the clip fades into; every fifth block is lost.

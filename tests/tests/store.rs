@@ -4,7 +4,7 @@
 use bunraku_tests::{mclip, vectors};
 use decoder_core::mclip::{Clip, Needs, checksum};
 use decoder_core::{Error, Field, Limits};
-use firmware::store::{Entry, Layout, Mapped, Status, Store, StoreError};
+use firmware::store::{Entry, Layout, MappedFlash, Status, Store, StoreError};
 use host_sim::flash::{Flash, Tear};
 use std::collections::BTreeMap;
 
@@ -38,7 +38,7 @@ enum Deed {
 }
 
 /// Steps until the store has nothing to do, or waits for bytes.
-fn finish<F: Mapped>(store: &mut Store<F>) -> Result<Status, StoreError> {
+fn finish<F: MappedFlash>(store: &mut Store<F>) -> Result<Status, StoreError> {
     for _ in 0..1000 {
         let status = store.step()?;
         if let Status::Idle | Status::Receiving { .. } = status {
@@ -49,7 +49,7 @@ fn finish<F: Mapped>(store: &mut Store<F>) -> Result<Status, StoreError> {
 }
 
 /// An upload as a link makes it, in messages of odd lengths.
-fn upload<F: Mapped>(store: &mut Store<F>, clip: u16, bytes: &[u8]) -> Result<(), StoreError> {
+fn upload<F: MappedFlash>(store: &mut Store<F>, clip: u16, bytes: &[u8]) -> Result<(), StoreError> {
     store.begin(clip, &format!("clip {clip}"), bytes.len() as u32, checksum(bytes, &[]))?;
     assert_eq!(finish(store)?, Status::Receiving { received: 0 });
     for (index, chunk) in bytes.chunks(201).enumerate() {

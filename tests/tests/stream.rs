@@ -5,9 +5,10 @@ use bunraku_tests::live::{Clip, clips, with_clips};
 use decoder_core::I16F16;
 use decoder_core::mclip::BlockHeader;
 use firmware::clips::LIVE;
-use firmware::stage::Library;
+use firmware::frames::Frames;
+use firmware::library::Library;
+use firmware::play_error::PlayError;
 use firmware::stream::{Counters, StreamError};
-use firmware::voice::{Frames, PlayError};
 use mocap::kinematics::Kinematics;
 
 /// Numbers without a pattern (splitmix64).

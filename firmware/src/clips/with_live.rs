@@ -1,8 +1,9 @@
 //! A library with a live stream beside it.
 
-use super::{LIVE, Worker};
-use crate::stage::Library;
-use crate::voice::{Frames, PlayError};
+use super::worker::Worker;
+use crate::frames::Frames;
+use crate::library::{LIVE, Library};
+use crate::play_error::PlayError;
 use decoder_core::{Error, I16F16};
 
 /// The clips of `L`, and the live stream as clip [`LIVE`].

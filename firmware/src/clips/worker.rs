@@ -2,10 +2,12 @@
 //!
 //! A decoder borrows a clip's header and its memory, and both differ from clip to clip. So that memory can be lent again, a
 //! decoder lives in a coroutine, [`decode`], which owns the memory and borrows it to one clip after the other. It is asked
-//! through a [`Post`] and answers each question in one poll: it waits for nothing else.
+//! through a [`Mailbox`] and answers each question in one poll: it waits for nothing else.
 
+use crate::frames::Frames;
+use crate::play_error::PlayError;
+use crate::store::Lease;
 use crate::stream::{Live, Player};
-use crate::voice::{Frames, PlayError};
 use core::cell::Cell;
 use core::convert::Infallible;
 use core::future::{Future, poll_fn};
@@ -15,9 +17,8 @@ use decoder_core::mclip::{self, MAGIC, Workspace};
 use decoder_core::{Error, Field, I16F16, Limits, qmd};
 
 /// What a decoder is asked.
-#[derive(Clone, Copy)]
 enum Request {
-    Open(&'static [u8]),
+    Open(Lease),
     OpenLive,
     Next,
     Approach(u32),
@@ -52,24 +53,31 @@ impl Answer {
 }
 
 /// What a decoder and the one who plays its frames tell each other.
-pub struct Post<'s> {
+pub struct Mailbox<'s> {
     request: Cell<Option<Request>>,
     answer: Cell<Answer>,
+    /// The bytes of the clip that was open, once it is closed.
+    lease: Cell<Option<Lease>>,
     /// Where the next frame is to be written, while it is asked for.
     pose: Cell<Option<&'s mut [I16F16]>>,
 }
 
-impl Default for Post<'_> {
+impl Default for Mailbox<'_> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Post<'_> {
+impl Mailbox<'_> {
     /// Nothing was asked.
     pub const fn new() -> Self {
         let answer = Answer::none(Err(PlayError::NoDecoder));
-        Self { request: Cell::new(None), answer: Cell::new(answer), pose: Cell::new(None) }
+        Self {
+            request: Cell::new(None),
+            answer: Cell::new(answer),
+            lease: Cell::new(None),
+            pose: Cell::new(None),
+        }
     }
 
     async fn request(&self) -> Request {
@@ -90,32 +98,21 @@ impl Post<'_> {
 
 /// Decodes whatever clip it is asked for, in its memory, for ever. For [`Worker::new`].
 pub async fn decode<const C: usize, const K: usize, const W: usize>(
-    post: &Post<'_>,
+    mailbox: &Mailbox<'_>,
     memory: &mut Workspace<C, K, W>,
     live: &Live<'_>,
 ) -> Infallible {
     loop {
-        let opened = match post.request().await {
-            Request::Open(bytes) if bytes.starts_with(&MAGIC) => {
-                let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
-                let clip = mclip::Clip::parse(bytes, limits);
-                match clip.and_then(|clip| clip.decoder(memory.lend())) {
-                    Ok(decoder) => serve(post, decoder).await,
-                    Err(error) => Err(PlayError::Clip(error)),
-                }
-            }
-            Request::Open(bytes) => {
-                let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
-                let clip = qmd::Clip::parse(bytes, limits);
-                match clip.and_then(|clip| clip.decoder(memory.lend().pose, None)) {
-                    Ok(decoder) => serve(post, decoder).await,
-                    Err(error) => Err(PlayError::Clip(error)),
-                }
+        let opened = match mailbox.request().await {
+            Request::Open(lease) => {
+                let opened = serve_clip(mailbox, lease.bytes(), memory).await;
+                mailbox.lease.set(Some(lease));
+                opened
             }
             Request::OpenLive => match live.take() {
                 Some(mut player) => {
                     let opened = match Player::new(live, &mut player, memory.lend()) {
-                        Ok(player) => serve(post, player).await,
+                        Ok(player) => serve(mailbox, player).await,
                         Err(error) => Err(PlayError::Clip(error)),
                     };
                     live.give(player);
@@ -125,17 +122,36 @@ pub async fn decode<const C: usize, const K: usize, const W: usize>(
             },
             Request::Next | Request::Approach(_) | Request::Close => Ok(()),
         };
-        post.answer.set(Answer::none(opened.map(|()| false)));
+        mailbox.answer.set(Answer::none(opened.map(|()| false)));
+    }
+}
+
+/// Opens a clip that lies in memory, and gives its frames.
+async fn serve_clip<const C: usize, const K: usize, const W: usize>(
+    mailbox: &Mailbox<'_>,
+    bytes: &[u8],
+    memory: &mut Workspace<C, K, W>,
+) -> Result<(), PlayError> {
+    let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
+    if bytes.starts_with(&MAGIC) {
+        let clip = mclip::Clip::parse(bytes, limits);
+        let decoder = clip.and_then(|clip| clip.decoder(memory.lend())).map_err(PlayError::Clip)?;
+        serve(mailbox, decoder).await
+    } else {
+        let clip = qmd::Clip::parse(bytes, limits);
+        let decoder =
+            clip.and_then(|clip| clip.decoder(memory.lend().pose, None)).map_err(PlayError::Clip)?;
+        serve(mailbox, decoder).await
     }
 }
 
 /// Gives the frames of a clip until it is closed.
-async fn serve<F: Frames>(post: &Post<'_>, mut frames: F) -> Result<(), PlayError> {
+async fn serve<F: Frames>(mailbox: &Mailbox<'_>, mut frames: F) -> Result<(), PlayError> {
     let mut result = Ok(false);
     loop {
-        post.answer.set(Answer::of(&frames, result));
-        result = match post.request().await {
-            Request::Next => post.deliver(&mut frames),
+        mailbox.answer.set(Answer::of(&frames, result));
+        result = match mailbox.request().await {
+            Request::Next => mailbox.deliver(&mut frames),
             Request::Approach(frame) => {
                 frames.approach(frame);
                 Ok(false)
@@ -148,57 +164,60 @@ async fn serve<F: Frames>(post: &Post<'_>, mut frames: F) -> Result<(), PlayErro
 /// A decoder, and room for its frames.
 pub struct Worker<'t, 's> {
     task: Pin<&'t mut (dyn Future<Output = Infallible> + 's)>,
-    post: &'s Post<'s>,
+    mailbox: &'s Mailbox<'s>,
     /// Out only while a frame is asked for.
     pose: Option<&'s mut [I16F16]>,
     answer: Answer,
 }
 
 impl<'t, 's> Worker<'t, 's> {
-    /// A decoder of [`decode`], pinned, which has the same post. `pose` takes a frame.
+    /// A decoder of [`decode`], pinned, which has the same mailbox. `pose` takes a frame.
     pub fn new(
         task: Pin<&'t mut (dyn Future<Output = Infallible> + 's)>,
-        post: &'s Post<'s>,
+        mailbox: &'s Mailbox<'s>,
         pose: &'s mut [I16F16],
     ) -> Self {
         let answer = Answer::none(Err(PlayError::NoDecoder));
-        Self { task, post, pose: Some(pose), answer }
+        Self { task, mailbox, pose: Some(pose), answer }
     }
 
     fn ask(&mut self, request: Request) -> Result<bool, PlayError> {
-        self.post.pose.set(self.pose.take());
-        self.post.request.set(Some(request));
+        self.mailbox.pose.set(self.pose.take());
+        self.mailbox.request.set(Some(request));
         // It waits only for requests, so it has answered then.
         let _ = self.task.as_mut().poll(&mut Context::from_waker(Waker::noop()));
-        self.pose = self.post.pose.take();
-        self.answer = self.post.answer.get();
+        self.pose = self.mailbox.pose.take();
+        self.answer = self.mailbox.answer.get();
         self.answer.result
     }
 
-    /// Opens a clip in memory.
-    pub(super) fn open(&mut self, clip: &'static [u8]) -> Result<(), PlayError> {
-        self.ask(Request::Open(clip))?;
-        self.has_room()
+    /// Opens a clip in memory. Where it cannot be opened its bytes come back with the error, as they do when it is closed.
+    pub(super) fn open(&mut self, clip: Lease) -> Result<(), (PlayError, Option<Lease>)> {
+        let opened = self.ask(Request::Open(clip)).and_then(|_| self.check_room());
+        opened.map_err(|error| (error, self.close()))
     }
 
     /// Opens the live stream.
     pub(super) fn open_live(&mut self) -> Result<(), PlayError> {
-        self.ask(Request::OpenLive)?;
-        self.has_room()
+        let opened = self.ask(Request::OpenLive).and_then(|_| self.check_room());
+        if opened.is_err() {
+            self.close();
+        }
+        opened
     }
 
-    fn has_room(&mut self) -> Result<(), PlayError> {
+    fn check_room(&self) -> Result<(), PlayError> {
         let (needed, lent) = (self.answer.channels, self.pose.as_ref().map_or(0, |pose| pose.len()));
         if needed <= lent {
             return Ok(());
         }
-        self.close();
         Err(PlayError::Clip(Error::OutputTooSmall { field: Field::Pose, needed, lent }))
     }
 
-    /// Gives the clip's memory back.
-    pub(super) fn close(&mut self) {
+    /// Gives the clip's memory back, and its bytes.
+    pub(super) fn close(&mut self) -> Option<Lease> {
         let _ = self.ask(Request::Close);
+        self.mailbox.lease.take()
     }
 }
 

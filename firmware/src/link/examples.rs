@@ -5,13 +5,13 @@ use super::message::{
     Answer, ClipInfo, Event, Hello, LinkCounts, Playing, Refusal, Request, Response, ServoInfo, Streaming,
     Telemetry, VERSION,
 };
-use crate::bus::Reading;
 use crate::clips::LIVE;
 use crate::clock::Speed;
 use crate::fault::Fault;
 use crate::machine::{Command, State};
 use crate::stream::{Counters, Progress};
 use serde::Serialize;
+use servo_wire::bus::Reading;
 use std::fmt::Write;
 use std::string::String;
 

@@ -4,16 +4,16 @@
 //! Every length is bounded by what holds the message: a text or slice of a request lies in the frame that brought it, and
 //! all others are of `heapless`.
 
-use crate::bus::{BusError, Reading};
 use crate::fault::Fault;
 use crate::machine::{Command, State};
 use crate::map::MAX_SERVOS;
+use crate::play_error::PlayError;
 use crate::store::{Name, StoreError};
 use crate::stream::{Counters, Progress, StreamError};
-use crate::voice::PlayError;
 use core::fmt;
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
+use servo_wire::bus::{BusError, Reading};
 
 /// Version of the protocol. A device answers a hello of any version, and nothing else of another one.
 pub const VERSION: u8 = 1;

@@ -1,10 +1,12 @@
 //! From power on, or from an acknowledged fault: servos are found, read, and turned on where they are.
 
-use super::{Action, Machine, State, within};
+use super::state::State;
+use super::state_machine::{Machine, to_goal_range};
+use super::tick_output::Action;
 use crate::fault::{Fault, Feedback};
+use crate::library::Library;
 use crate::limits::Limiter;
 use crate::map::Policy;
-use crate::stage::Library;
 
 /// Time in ms that servos have to come up before one counts as missing.
 const FIND_MILLIS: u16 = 1500;
@@ -77,7 +79,7 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
             if let Some(reading) = reading {
                 servo.armed &= reading.torque != Some(false);
                 if !servo.armed {
-                    servo.limiter = Limiter::at(within(reading.position));
+                    servo.limiter = Limiter::at(to_goal_range(reading.position));
                 }
             }
         }

@@ -1,29 +1,31 @@
-use super::world::*;
+use super::test_puppet::*;
 use super::*;
-use crate::bus::BusError;
 use crate::clock::Speed;
-use crate::map::{Interpolation, Settings};
+use crate::fault::Fault;
+use crate::map::{Interpolation, Policy, Settings};
+use crate::play_error::PlayError;
 use proptest::prelude::*;
+use servo_wire::bus::BusError;
 
 #[test]
 fn from_any_posture_to_the_clip_and_home_without_a_jump() {
     let map = map(Settings::new(HZ));
     for positions in [[2048; 3], [500, 3500, 2000], [3499, 501, 700], [100, 4000, -3000]] {
-        let mut world = World::new(&map, show(), positions);
-        world.until_state(20, State::Arming);
-        assert_eq!(world.positions(), positions, "nothing moves before it is held");
-        world.until_state(2000, State::Playing);
-        for (channel, position) in world.positions().into_iter().enumerate() {
+        let mut puppet = TestPuppet::new(&map, show(), positions);
+        puppet.until_state(20, State::Arming);
+        assert_eq!(puppet.positions(), positions, "nothing moves before it is held");
+        puppet.until_state(2000, State::Playing);
+        for (channel, position) in puppet.positions().into_iter().enumerate() {
             let first = map.joints()[channel].goal(value(1, 0, channel)) >> 10;
             assert!((position - first).abs() <= 1, "{position} {first}");
         }
         // 240 frames at 60 Hz: ⌈239 · 100 / 60⌉ + 1 ticks.
-        let ticks = world.until_state(1000, State::Stopping);
+        let ticks = puppet.until_state(1000, State::Stopping);
         assert_eq!(ticks, 400);
-        world.until_state(1000, State::Resting);
-        assert_eq!(world.positions(), [2000; 3]);
-        assert!(world.machine.at_rest());
-        assert_eq!(world.watched, Some(200));
+        puppet.until_state(1000, State::Resting);
+        assert_eq!(puppet.positions(), [2000; 3]);
+        assert!(puppet.machine.at_rest());
+        assert_eq!(puppet.watched, Some(200));
     }
 }
 
@@ -31,12 +33,12 @@ fn from_any_posture_to_the_clip_and_home_without_a_jump() {
 fn clips_are_played_as_recorded() {
     let settings = Settings { interpolation: Interpolation::Linear, ..Settings::new(60) };
     let map = map(settings);
-    let mut world = World::new(&map, show(), [2048; 3]);
-    world.until_state(2000, State::Playing);
+    let mut puppet = TestPuppet::new(&map, show(), [2048; 3]);
+    puppet.until_state(2000, State::Playing);
     // At 60 Hz each tick is a frame, and the idle layer fades in.
     for frame in 0..200 {
-        world.tick();
-        let position = world.positions()[0];
+        puppet.tick();
+        let position = puppet.positions()[0];
         let exact = map.joints()[0].goal(value(1, frame, 0)) >> 10;
         assert!((position - exact).abs() <= 36, "frame {frame}: {position} {exact}");
     }
@@ -46,39 +48,39 @@ fn clips_are_played_as_recorded() {
 fn playlists_fade_from_clip_to_clip() {
     let map = map(Settings::new(HZ));
     let show = Show { playlist: &[1, 2, 3], after: After::Hold, ..Show::default() };
-    let mut world = World::new(&map, show, [2048; 3]);
-    world.until_state(2000, State::Playing);
-    let mut seen = std::vec::Vec::new();
-    while world.machine.state() == State::Playing {
-        world.tick();
-        if let Some((clip, ..)) = world.machine.stage().position()
+    let mut puppet = TestPuppet::new(&map, show, [2048; 3]);
+    puppet.until_state(2000, State::Playing);
+    let mut seen = Vec::new();
+    while puppet.machine.state() == State::Playing {
+        puppet.tick();
+        if let Some((clip, ..)) = puppet.machine.mixer().position()
             && seen.last() != Some(&clip)
         {
             seen.push(clip);
         }
     }
     assert_eq!(seen, [1, 2, 3]);
-    world.until_state(100, State::Holding);
-    assert!(world.machine.at_rest());
-    assert_eq!(world.machine.library().open, 0);
+    puppet.until_state(100, State::Holding);
+    assert!(puppet.machine.at_rest());
+    assert_eq!(puppet.machine.library().open, 0);
 }
 
 #[test]
 fn an_idle_clip_fills_the_gaps_and_the_trigger_interrupts_it() {
     let map = map(Settings::new(HZ));
     let show = Show { idle_clip: Some(0), trigger_clip: Some(2), ..Show::default() };
-    let mut world = World::new(&map, show, [2048; 3]);
-    world.until_state(2000, State::Playing);
+    let mut puppet = TestPuppet::new(&map, show, [2048; 3]);
+    puppet.until_state(2000, State::Playing);
     for _ in 0..3 {
-        (0..1000).for_each(|_| world.tick());
-        let clip = |world: &World<'_>| world.machine.stage().position().map(|at| at.0);
-        assert_eq!((world.machine.state(), clip(&world)), (State::Playing, Some(0)));
-        world.machine.command(Command::Trigger).unwrap();
-        world.until(100, |world| clip(world) == Some(2));
+        (0..1000).for_each(|_| puppet.tick());
+        let clip = |puppet: &TestPuppet<'_>| puppet.machine.mixer().position().map(|at| at.0);
+        assert_eq!((puppet.machine.state(), clip(&puppet)), (State::Playing, Some(0)));
+        puppet.machine.command(Command::Trigger).unwrap();
+        puppet.until(100, |puppet| clip(puppet) == Some(2));
         // A second press does not start it again.
-        (0..100).for_each(|_| world.tick());
-        world.machine.command(Command::Trigger).unwrap();
-        world.until(400, |world| clip(world) == Some(0));
+        (0..100).for_each(|_| puppet.tick());
+        puppet.machine.command(Command::Trigger).unwrap();
+        puppet.until(400, |puppet| clip(puppet) == Some(0));
     }
 }
 
@@ -86,111 +88,112 @@ fn an_idle_clip_fills_the_gaps_and_the_trigger_interrupts_it() {
 fn speed_pause_seek_and_stop() {
     let map = map(Settings::new(HZ));
     let show = Show { idle_clip: Some(1), ..Show::default() };
-    let mut world = World::new(&map, show, [2048; 3]);
-    world.until_state(2000, State::Playing);
-    let frame = |world: &World<'_>| world.machine.stage().position().unwrap().1;
-    world.machine.command(Command::Speed(Speed::new(128))).unwrap();
-    (0..100).for_each(|_| world.tick());
-    let before = frame(&world);
-    (0..200).for_each(|_| world.tick());
-    assert!((59..=61).contains(&(frame(&world) - before)), "half speed");
-    world.machine.command(Command::Pause).unwrap();
-    (0..60).for_each(|_| world.tick());
-    let (paused, clip) = (frame(&world), world.machine.stage().position().unwrap());
-    (0..100).for_each(|_| world.tick());
-    assert_eq!(world.machine.stage().position().unwrap(), clip);
-    world.machine.command(Command::Resume).unwrap();
-    (0..60).for_each(|_| world.tick());
-    assert!(frame(&world) > paused);
-    world.machine.command(Command::Seek { frame: 20 }).unwrap();
-    world.until(100, |world| (20..60).contains(&frame(world)));
-    world.machine.command(Command::Stop).unwrap();
-    world.until_state(30, State::Holding);
-    assert!(world.machine.stage().is_empty());
-    let held = world.positions();
+    let mut puppet = TestPuppet::new(&map, show, [2048; 3]);
+    puppet.until_state(2000, State::Playing);
+    let frame = |puppet: &TestPuppet<'_>| puppet.machine.mixer().position().unwrap().1;
+    puppet.machine.command(Command::Speed(Speed::new(128))).unwrap();
+    (0..100).for_each(|_| puppet.tick());
+    let before = frame(&puppet);
+    (0..200).for_each(|_| puppet.tick());
+    assert!((59..=61).contains(&(frame(&puppet) - before)), "half speed");
+    puppet.machine.command(Command::Pause).unwrap();
+    (0..60).for_each(|_| puppet.tick());
+    let (paused, clip) = (frame(&puppet), puppet.machine.mixer().position().unwrap());
+    (0..100).for_each(|_| puppet.tick());
+    assert_eq!(puppet.machine.mixer().position().unwrap(), clip);
+    puppet.machine.command(Command::Resume).unwrap();
+    (0..60).for_each(|_| puppet.tick());
+    assert!(frame(&puppet) > paused);
+    puppet.machine.command(Command::Seek { frame: 20 }).unwrap();
+    puppet.until(100, |puppet| (20..60).contains(&frame(puppet)));
+    puppet.machine.command(Command::Stop).unwrap();
+    puppet.until_state(30, State::Holding);
+    assert!(puppet.machine.mixer().is_empty());
+    let held = puppet.positions();
     let mut moved = 0;
     for _ in 0..500 {
-        world.tick();
-        moved = world.positions().iter().zip(held).map(|(a, b)| (a - b).abs()).fold(moved, i32::max);
+        puppet.tick();
+        moved = puppet.positions().iter().zip(held).map(|(a, b)| (a - b).abs()).fold(moved, i32::max);
     }
     assert!((3..=35).contains(&moved), "it breathes, by {moved}");
-    world.machine.command(Command::Home).unwrap();
-    world.until_state(500, State::Resting);
+    puppet.machine.command(Command::Home).unwrap();
+    puppet.until_state(500, State::Resting);
     assert_eq!(
-        world.machine.command(Command::Play { clip: 9, repeats: false }),
+        puppet.machine.command(Command::Play { clip: 9, repeats: false }),
         Err(PlayError::NoClip { clip: 9 })
     );
-    world.machine.command(Command::Play { clip: 3, repeats: false }).unwrap();
-    world.until_state(500, State::Playing);
-    world.until(1000, |world| world.machine.stage().position().is_some_and(|at| at.0 == 1));
+    puppet.machine.command(Command::Play { clip: 3, repeats: false }).unwrap();
+    puppet.until_state(500, State::Playing);
+    puppet.until(1000, |puppet| puppet.machine.mixer().position().is_some_and(|at| at.0 == 1));
 }
 
 #[test]
 fn an_outside_clock_is_followed() {
     let map = map(Settings::new(HZ));
-    let mut world = World::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
-    world.until_state(2000, State::Playing);
-    (0..100).for_each(|_| world.tick());
+    let mut puppet = TestPuppet::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
+    puppet.until_state(2000, State::Playing);
+    (0..100).for_each(|_| puppet.tick());
     // The outside is at frame 62 while the clip is at 60, and runs on.
-    let (_, at, phase) = world.machine.stage().position().unwrap();
-    world.machine.command(Command::Sync { frame: at + 2, fraction: phase }).unwrap();
-    (0..100).for_each(|_| world.tick());
-    let (_, now, _) = world.machine.stage().position().unwrap();
+    let (_, at, phase) = puppet.machine.mixer().position().unwrap();
+    puppet.machine.command(Command::Sync { frame: at + 2, fraction: phase }).unwrap();
+    (0..100).for_each(|_| puppet.tick());
+    let (_, now, _) = puppet.machine.mixer().position().unwrap();
     // A second is 60 frames.
     assert!((61..=63).contains(&(now - at)), "{at} {now}");
-    world.machine.command(Command::Sync { frame: 200, fraction: 0 }).unwrap();
-    world.until(100, |world| world.machine.stage().position().unwrap().1 >= 200);
+    puppet.machine.command(Command::Sync { frame: 200, fraction: 0 }).unwrap();
+    puppet.until(100, |puppet| puppet.machine.mixer().position().unwrap().1 >= 200);
 }
 
 /// Ticks from a fault to the state that its policy says.
-fn settle(policy: Policy, state: State, harm: impl Fn(&mut World<'_>), expected: Fault) -> u32 {
+fn settle(policy: Policy, state: State, harm: impl Fn(&mut TestPuppet<'_>), expected: Fault) -> u32 {
     let map = map(Settings { policy, ..Settings::new(HZ) });
-    let mut world = World::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
-    world.until_state(2000, State::Playing);
-    (0..137).for_each(|_| world.tick());
-    let before = world.positions();
-    harm(&mut world);
-    let ticks = world.until(500, |world| world.machine.fault().is_some() && world.machine.state() == state);
-    assert_eq!(world.machine.fault(), Some(expected));
+    let mut puppet = TestPuppet::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
+    puppet.until_state(2000, State::Playing);
+    (0..137).for_each(|_| puppet.tick());
+    let before = puppet.positions();
+    harm(&mut puppet);
+    let ticks =
+        puppet.until(500, |puppet| puppet.machine.fault().is_some() && puppet.machine.state() == state);
+    assert_eq!(puppet.machine.fault(), Some(expected));
     // It latches, and nothing plays.
-    (0..300).for_each(|_| world.tick());
+    (0..300).for_each(|_| puppet.tick());
     assert_eq!(
-        (world.machine.fault(), world.machine.command(Command::Play { clip: 1, repeats: true })),
+        (puppet.machine.fault(), puppet.machine.command(Command::Play { clip: 1, repeats: true })),
         (Some(expected), Ok(()))
     );
-    (0..300).for_each(|_| world.tick());
-    assert_ne!(world.machine.state(), State::Playing);
-    if state == State::Holding && world.bus.is_ok() {
-        let moved = world.positions().iter().zip(before).map(|(a, b)| (a - b).abs()).max().unwrap();
+    (0..300).for_each(|_| puppet.tick());
+    assert_ne!(puppet.machine.state(), State::Playing);
+    if state == State::Holding && puppet.bus.is_ok() {
+        let moved = puppet.positions().iter().zip(before).map(|(a, b)| (a - b).abs()).max().unwrap();
         assert!(moved <= 300, "held where it was, {moved}");
     }
     // Made good and acknowledged it plays again.
-    world.bus = Ok(());
-    world.late = false;
-    world.machine.library().damaged_at = None;
-    for motor in &mut world.motors {
+    puppet.bus = Ok(());
+    puppet.late = false;
+    puppet.machine.library().damaged_at = None;
+    for motor in &mut puppet.motors {
         (motor.silent, motor.temperature) = (false, 30);
     }
-    world.machine.command(Command::Acknowledge).unwrap();
-    world.until_state(2000, State::Playing);
-    assert_eq!(world.machine.fault(), None);
+    puppet.machine.command(Command::Acknowledge).unwrap();
+    puppet.until_state(2000, State::Playing);
+    assert_eq!(puppet.machine.fault(), None);
     ticks
 }
 
 #[test]
 fn every_fault_leads_to_a_held_pose_within_100_ms() {
-    let hold = |harm: fn(&mut World<'_>), fault| settle(Policy::Hold, State::Holding, harm, fault);
-    type Case = (fn(&mut World<'_>), Fault);
+    let hold = |harm: fn(&mut TestPuppet<'_>), fault| settle(Policy::Hold, State::Holding, harm, fault);
+    type Case = (fn(&mut TestPuppet<'_>), Fault);
     let cases: [Case; 9] = [
-        (|world| world.motors[1].silent = true, Fault::Silent { servo: 1 }),
-        (|world| world.motors[2].temperature = 70, Fault::Overheated { servo: 2 }),
-        (|world| world.motors[0].hardware_error = 1 << 5, Fault::Overloaded { servo: 0 }),
-        (|world| world.motors[0].hardware_error = 1 << 0, Fault::Voltage { servo: 0 }),
-        (|world| world.bus = Err(BusError::NoReply), Fault::Bus { error: BusError::NoReply }),
-        (|world| world.late = true, Fault::Late),
-        (|world| world.machine.command(Command::LinkLost).unwrap(), Fault::LinkLost),
-        (|world| world.motors[1].torque = false, Fault::Rebooted { servo: 1 }),
-        (|world| world.motors[1].hardware_error = 1 << 6, Fault::ServoWatchdog { servo: 1 }),
+        (|puppet| puppet.motors[1].silent = true, Fault::Silent { servo: 1 }),
+        (|puppet| puppet.motors[2].temperature = 70, Fault::Overheated { servo: 2 }),
+        (|puppet| puppet.motors[0].hardware_error = 1 << 5, Fault::Overloaded { servo: 0 }),
+        (|puppet| puppet.motors[0].hardware_error = 1 << 0, Fault::Voltage { servo: 0 }),
+        (|puppet| puppet.bus = Err(BusError::NoReply), Fault::Bus { error: BusError::NoReply }),
+        (|puppet| puppet.late = true, Fault::Late),
+        (|puppet| puppet.machine.command(Command::LinkLost).unwrap(), Fault::LinkLost),
+        (|puppet| puppet.motors[1].torque = false, Fault::Rebooted { servo: 1 }),
+        (|puppet| puppet.motors[1].hardware_error = 1 << 6, Fault::ServoWatchdog { servo: 1 }),
     ];
     for (harm, fault) in cases {
         let ticks = hold(harm, fault);
@@ -200,7 +203,7 @@ fn every_fault_leads_to_a_held_pose_within_100_ms() {
 
 #[test]
 fn policies_go_home_or_let_go() {
-    let hot: fn(&mut World<'_>) = |world| world.motors[2].temperature = 70;
+    let hot: fn(&mut TestPuppet<'_>) = |puppet| puppet.motors[2].temperature = 70;
     let fault = Fault::Overheated { servo: 2 };
     settle(Policy::EaseHome, State::Resting, hot, fault);
     assert!(settle(Policy::TorqueOff, State::Limp, hot, fault) <= 2);
@@ -209,37 +212,37 @@ fn policies_go_home_or_let_go() {
 #[test]
 fn a_servo_that_restarted_is_held_where_it_is() {
     let map = map(Settings::new(HZ));
-    let mut world = World::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
-    world.until_state(2000, State::Playing);
-    (0..100).for_each(|_| world.tick());
-    world.motors[1].torque = false;
-    world.motors[1].position -= 200;
-    let fallen = world.motors[1].position;
-    world.watched = None;
-    (0..20).for_each(|_| world.tick());
-    assert_eq!((world.motors[1].torque, world.motors[1].position), (true, fallen));
-    assert_eq!(world.watched, Some(200), "its watchdog is armed again");
-    assert_eq!(world.machine.fault(), Some(Fault::Rebooted { servo: 1 }));
-    world.machine.command(Command::Acknowledge).unwrap();
-    world.until_state(2000, State::Playing);
+    let mut puppet = TestPuppet::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
+    puppet.until_state(2000, State::Playing);
+    (0..100).for_each(|_| puppet.tick());
+    puppet.motors[1].torque = false;
+    puppet.motors[1].position -= 200;
+    let fallen = puppet.motors[1].position;
+    puppet.watched = None;
+    (0..20).for_each(|_| puppet.tick());
+    assert_eq!((puppet.motors[1].torque, puppet.motors[1].position), (true, fallen));
+    assert_eq!(puppet.watched, Some(200), "its watchdog is armed again");
+    assert_eq!(puppet.machine.fault(), Some(Fault::Rebooted { servo: 1 }));
+    puppet.machine.command(Command::Acknowledge).unwrap();
+    puppet.until_state(2000, State::Playing);
 }
 
 #[test]
 fn a_bus_that_comes_back_finds_the_servos_where_they_are() {
     let map = map(Settings::new(HZ));
-    let mut world = World::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
-    world.until_state(2000, State::Playing);
+    let mut puppet = TestPuppet::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
+    puppet.until_state(2000, State::Playing);
     // Where the first joint is fastest.
-    (0..150).for_each(|_| world.tick());
-    let before = world.positions();
-    world.bus = Err(BusError::NoReply);
-    (0..5).for_each(|_| world.tick());
-    assert!(world.told.iter().any(|(&index, told)| (told - before[index]).abs() > 4), "it was moving");
-    (0..25).for_each(|_| world.tick());
-    assert!(world.told.is_empty(), "nobody is told what nobody hears");
-    world.bus = Ok(());
-    (0..30).for_each(|_| world.tick());
-    assert_eq!(world.positions(), before);
+    (0..150).for_each(|_| puppet.tick());
+    let before = puppet.positions();
+    puppet.bus = Err(BusError::NoReply);
+    (0..5).for_each(|_| puppet.tick());
+    assert!(puppet.told.iter().any(|(&index, told)| (told - before[index]).abs() > 4), "it was moving");
+    (0..25).for_each(|_| puppet.tick());
+    assert!(puppet.told.is_empty(), "nobody is told what nobody hears");
+    puppet.bus = Ok(());
+    (0..30).for_each(|_| puppet.tick());
+    assert_eq!(puppet.positions(), before);
 }
 
 /// However long its line is loose, and wherever in the movement that was.
@@ -248,23 +251,23 @@ fn a_servo_that_comes_back_is_told_to_go_no_further_than_it_moves_in_two_ticks()
     let map = map(Settings::new(HZ));
     for start in 100..140 {
         for ticks in 1..30 {
-            let mut world = World::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
-            world.until_state(2000, State::Playing);
-            (0..start).for_each(|_| world.tick());
-            world.longest = 0;
-            (0..20).for_each(|_| world.tick());
-            let usual = world.longest;
-            let stood = world.motors[1].position;
-            world.motors[1].silent = true;
-            (0..ticks).for_each(|_| world.tick());
-            world.motors[1].silent = false;
-            world.tick();
-            let way = (world.motors[1].position - stood).abs();
+            let mut puppet = TestPuppet::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
+            puppet.until_state(2000, State::Playing);
+            (0..start).for_each(|_| puppet.tick());
+            puppet.longest = 0;
+            (0..20).for_each(|_| puppet.tick());
+            let usual = puppet.longest;
+            let stood = puppet.motors[1].position;
+            puppet.motors[1].silent = true;
+            (0..ticks).for_each(|_| puppet.tick());
+            puppet.motors[1].silent = false;
+            puppet.tick();
+            let way = (puppet.motors[1].position - stood).abs();
             let most = 2 * (usual + 1);
             assert!(way <= most, "loose for {ticks} ticks: told to go {way} at once, at most {most}");
             // And then to where the others are.
-            (0..100).for_each(|_| world.tick());
-            assert_eq!(world.machine.fault().is_some(), ticks >= 6, "{ticks}");
+            (0..100).for_each(|_| puppet.tick());
+            assert_eq!(puppet.machine.fault().is_some(), ticks >= 6, "{ticks}");
         }
     }
 }
@@ -273,69 +276,69 @@ fn a_servo_that_comes_back_is_told_to_go_no_further_than_it_moves_in_two_ticks()
 #[test]
 fn a_puppet_that_moves_is_not_looked_for() {
     let map = map(Settings { policy: Policy::EaseHome, ..Settings::new(HZ) });
-    let mut world = World::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
-    world.until_state(2000, State::Playing);
-    (0..137).for_each(|_| world.tick());
-    world.machine.command(Command::LinkLost).unwrap();
-    world.until_state(100, State::Returning);
-    (0..100).for_each(|_| world.tick());
-    world.machine.command(Command::Acknowledge).unwrap();
-    assert_eq!((world.machine.state(), world.machine.fault()), (State::Stopping, Some(Fault::LinkLost)));
-    world.until_state(20, State::Finding);
-    assert_eq!(world.machine.fault(), None);
-    let still = world.positions();
-    world.until_state(20, State::Easing);
-    let moved = world.positions().iter().zip(still).map(|(a, b)| (a - b).abs()).max();
+    let mut puppet = TestPuppet::new(&map, Show { idle_clip: Some(1), ..Show::default() }, [2048; 3]);
+    puppet.until_state(2000, State::Playing);
+    (0..137).for_each(|_| puppet.tick());
+    puppet.machine.command(Command::LinkLost).unwrap();
+    puppet.until_state(100, State::Returning);
+    (0..100).for_each(|_| puppet.tick());
+    puppet.machine.command(Command::Acknowledge).unwrap();
+    assert_eq!((puppet.machine.state(), puppet.machine.fault()), (State::Stopping, Some(Fault::LinkLost)));
+    puppet.until_state(20, State::Finding);
+    assert_eq!(puppet.machine.fault(), None);
+    let still = puppet.positions();
+    puppet.until_state(20, State::Easing);
+    let moved = puppet.positions().iter().zip(still).map(|(a, b)| (a - b).abs()).max();
     assert_eq!(moved, Some(0));
-    world.until_state(2000, State::Playing);
+    puppet.until_state(2000, State::Playing);
 }
 
 #[test]
 fn a_damaged_clip_is_left() {
     let map = map(Settings::new(HZ));
-    let mut world = World::new(&map, Show::default(), [2048; 3]);
-    world.machine.library().damaged_at = Some(50);
-    world.until_state(2000, State::Resting);
-    world.machine.command(Command::Play { clip: 1, repeats: false }).unwrap();
-    world.until(1000, |world| world.machine.fault().is_some());
-    assert_eq!(world.machine.fault(), Some(Fault::Clip { error: DAMAGED }));
-    world.until_state(10, State::Holding);
-    assert_eq!(world.machine.library().open, 0);
+    let mut puppet = TestPuppet::new(&map, Show::default(), [2048; 3]);
+    puppet.machine.library().damaged_at = Some(50);
+    puppet.until_state(2000, State::Resting);
+    puppet.machine.command(Command::Play { clip: 1, repeats: false }).unwrap();
+    puppet.until(1000, |puppet| puppet.machine.fault().is_some());
+    assert_eq!(puppet.machine.fault(), Some(Fault::Clip { error: DAMAGED }));
+    puppet.until_state(10, State::Holding);
+    assert_eq!(puppet.machine.library().open, 0);
 }
 
 #[test]
 fn a_missing_servo_is_a_fault_and_the_others_are_held() {
     let map = map(Settings::new(HZ));
-    let mut world = World::new(&map, show(), [2048; 3]);
-    world.motors[1].silent = true;
-    world.until_state(600, State::Holding);
-    assert_eq!(world.machine.fault(), Some(Fault::Silent { servo: 1 }));
-    assert_eq!(world.motors.map(|motor| motor.torque), [true, false, true]);
+    let mut puppet = TestPuppet::new(&map, show(), [2048; 3]);
+    puppet.motors[1].silent = true;
+    puppet.until_state(600, State::Holding);
+    assert_eq!(puppet.machine.fault(), Some(Fault::Silent { servo: 1 }));
+    assert_eq!(puppet.motors.map(|motor| motor.torque), [true, false, true]);
 }
 
 #[test]
 fn a_servo_with_a_hardware_error_is_restarted_at_the_start() {
     let map = map(Settings::new(HZ));
-    let mut world = World::new(&map, show(), [2048; 3]);
-    world.motors[1].hardware_error = 1 << 5;
-    world.until_state(600, State::Playing);
-    assert!(world.actions.contains(&Action::Reboot { servo: 1 }));
+    let mut puppet = TestPuppet::new(&map, show(), [2048; 3]);
+    puppet.motors[1].hardware_error = 1 << 5;
+    puppet.until_state(600, State::Playing);
+    assert!(puppet.actions.contains(&Action::Reboot { servo: 1 }));
 }
 
 #[test]
 fn after_a_restart_by_itself_nothing_plays_before_someone_looked() {
     let map = map(Settings::new(HZ));
-    let mut world = World::new(&map, show(), [2048; 3]);
-    world.machine = Machine::new(&map, Clips::default(), show(), Start::ByItself);
-    world.until_state(100, State::Holding);
-    (0..300).for_each(|_| world.tick());
-    assert_eq!((world.machine.state(), world.positions()), (State::Holding, [2048; 3]));
-    world.machine.command(Command::Acknowledge).unwrap();
-    world.until_state(600, State::Playing);
+    let mut puppet = TestPuppet::new(&map, show(), [2048; 3]);
+    puppet.machine = Machine::new(&map, FormulaClips::default(), show(), Start::ByItself);
+    puppet.until_state(100, State::Holding);
+    (0..300).for_each(|_| puppet.tick());
+    assert_eq!((puppet.machine.state(), puppet.positions()), (State::Holding, [2048; 3]));
+    puppet.machine.command(Command::Acknowledge).unwrap();
+    puppet.until_state(600, State::Playing);
 }
 
 proptest! {
-    /// Whatever is commanded and whatever fails: `World::tick` checks every goal.
+    /// Whatever is commanded and whatever fails: `TestPuppet::tick` checks every goal.
     #[test]
     fn nothing_makes_it_jump(
         events in prop::collection::vec((0u32..60, 0u8..24, any::<u32>()), 1..60),
@@ -346,7 +349,7 @@ proptest! {
         let settings = Settings { policy, ease_millis: 300, ..Settings::new(HZ) };
         let map = map(settings);
         let show = Show { playlist: &[1, 2], idle_clip: Some(0), trigger_clip: Some(3), ..Show::default() };
-        let mut world = World::new(&map, show, start);
+        let mut puppet = TestPuppet::new(&map, show, start);
         for (wait, event, value) in events {
             let servo = value as usize % SERVOS;
             let clip = (value >> 8) as u16 % 5;
@@ -367,24 +370,24 @@ proptest! {
                 _ => None,
             };
             match event {
-                17 => world.motors[servo].silent ^= true,
-                18 => world.motors[servo].hardware_error ^= 1 << 5,
-                19 => world.motors[servo].torque = false,
-                20 => world.bus = if world.bus.is_ok() { Err(BusError::Corrupt) } else { Ok(()) },
-                21 => world.late ^= true,
-                22 => world.motors[servo].temperature ^= 100,
-                23 if !world.motors[servo].torque => {
+                17 => puppet.motors[servo].silent ^= true,
+                18 => puppet.motors[servo].hardware_error ^= 1 << 5,
+                19 => puppet.motors[servo].torque = false,
+                20 => puppet.bus = if puppet.bus.is_ok() { Err(BusError::Corrupt) } else { Ok(()) },
+                21 => puppet.late ^= true,
+                22 => puppet.motors[servo].temperature ^= 100,
+                23 if !puppet.motors[servo].torque => {
                     // No hand does that between a reading and the goal after it.
                     let position = (value >> 16) as i32 & 4095;
-                    world.motors[servo].position = position;
-                    world.readings[servo].iter_mut().for_each(|reading| reading.position = position);
+                    puppet.motors[servo].position = position;
+                    puppet.readings[servo].iter_mut().for_each(|reading| reading.position = position);
                 }
                 _ => {}
             }
             if let Some(command) = command {
-                let _ = world.machine.command(command);
+                let _ = puppet.machine.command(command);
             }
-            (0..wait).for_each(|_| world.tick());
+            (0..wait).for_each(|_| puppet.tick());
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Reads an upload back from flash, piece by piece, before anything names it.
 
-use super::StoreError;
+use super::error::StoreError;
 use crc::Digest;
 use decoder_core::mclip::{self, BLOCK_HEADER_BYTES, BlockHeader, Header, MAGIC, Needs, Prefix};
 use decoder_core::{Error, Field, Limits, qmd};
@@ -117,7 +117,7 @@ fn block(clip: &[u8], at: usize, header: &Header<'_>, frame: u32) -> Result<(Blo
 }
 
 /// Whether decoders here have the memory.
-pub(crate) fn fits(needs: &Needs, capacity: &Needs) -> Result<(), Error> {
+fn fits(needs: &Needs, capacity: &Needs) -> Result<(), Error> {
     for (field, needed, lent) in [
         (Field::States, needs.channels, capacity.channels),
         (Field::Correlations, needs.correlations, capacity.correlations),

@@ -1,7 +1,9 @@
 //! The directory on flash, and the snapshot that follows it.
 
+use super::entry::Entry;
+use super::layout::Layout;
+use super::mapped::{MappedFlash, PAGE_BYTES};
 use super::record::{Header, RECORD_BYTES};
-use super::{Entry, Layout, Mapped, PAGE_BYTES};
 use decoder_core::mclip::{checksum, digest};
 
 /// Records in a page, the header counted as one.
@@ -16,7 +18,7 @@ pub(super) struct Directory {
 
 impl Directory {
     /// The newer of the two that is whole.
-    pub fn find<F: Mapped>(flash: &F, layout: &Layout) -> Option<Self> {
+    pub fn find<F: MappedFlash>(flash: &F, layout: &Layout) -> Option<Self> {
         let [first, second] = [0, 1].map(|sector| Self::read(flash, layout, sector));
         match (first, second) {
             (Some(first), Some(second)) if first.header.generation > second.header.generation => Some(first),
@@ -25,7 +27,7 @@ impl Directory {
     }
 
     /// The directory in one of the sectors, if it is whole.
-    pub fn read<F: Mapped>(flash: &F, layout: &Layout, sector: usize) -> Option<Self> {
+    pub fn read<F: MappedFlash>(flash: &F, layout: &Layout, sector: usize) -> Option<Self> {
         let at = *layout.directory.get(sector)?;
         let header = Header::decode(flash.mapped(at, RECORD_BYTES as u32)?)?;
         if header.count > most(flash.sector_bytes(at)) {
@@ -37,7 +39,7 @@ impl Directory {
     }
 
     /// Its records, by clip.
-    pub fn entries<'f, F: Mapped>(
+    pub fn entries<'f, F: MappedFlash>(
         self,
         flash: &'f F,
         layout: &Layout,
@@ -79,7 +81,7 @@ pub(super) struct Next {
 }
 
 impl Next {
-    pub fn new<F: Mapped>(flash: &F, layout: &Layout, old: Option<Directory>, change: Change) -> Self {
+    pub fn new<F: MappedFlash>(flash: &F, layout: &Layout, old: Option<Directory>, change: Change) -> Self {
         let (sector, generation) =
             old.map_or((0, 1), |old| (1 - old.sector, old.header.generation.wrapping_add(1)));
         let count = snapshot(flash, layout, old, &change).count() as u16;
@@ -108,7 +110,7 @@ impl Next {
     }
 
     /// Puts the next page into `page` and gives its number; `None` after the last one.
-    pub fn page<F: Mapped>(
+    pub fn page<F: MappedFlash>(
         &mut self,
         flash: &F,
         layout: &Layout,
@@ -125,13 +127,13 @@ impl Next {
     }
 
     /// The directory, if it can be read as it was written.
-    pub fn read_back<F: Mapped>(&self, flash: &F, layout: &Layout) -> Option<Directory> {
+    pub fn read_back<F: MappedFlash>(&self, flash: &F, layout: &Layout) -> Option<Directory> {
         Directory::read(flash, layout, self.directory.sector).filter(|read| *read == self.directory)
     }
 }
 
 /// The records of the next directory, by clip.
-fn snapshot<'a, F: Mapped>(
+fn snapshot<'a, F: MappedFlash>(
     flash: &'a F,
     layout: &'a Layout,
     old: Option<Directory>,

@@ -93,7 +93,11 @@ impl fmt::Display for StoreError {
             Self::Empty => f.write_str("a clip has at least one byte"),
             Self::TooMany { most } => write!(f, "the directory is full: it takes {most} clips"),
             Self::Name { found } => {
-                write!(f, "the clip's name has {found} bytes, at most {} are stored", super::NAME_BYTES)
+                write!(
+                    f,
+                    "the clip's name has {found} bytes, at most {} are stored",
+                    super::entry::NAME_BYTES
+                )
             }
             Self::NoClip { clip } => write!(f, "there is no clip {clip} in the store"),
             Self::Busy => f.write_str("the store is busy"),

@@ -1,6 +1,6 @@
 //! The bytes of the directory: a header and a record for every clip, each of 64 bytes. docs/STORE.md has the tables.
 
-use super::{Entry, NAME_BYTES, Name};
+use super::entry::{Entry, NAME_BYTES, Name};
 
 /// Bytes of a record, and of the header.
 pub(super) const RECORD_BYTES: usize = 64;

@@ -1,8 +1,11 @@
 //! The blocks that wait for their time, in any order.
 
-use super::{MOST_BLOCKS, StreamError};
+use super::error::StreamError;
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockHeader};
 use heapless::Vec;
+
+/// Blocks that wait at most.
+pub const MOST_BLOCKS: usize = 32;
 
 /// A block that waits.
 #[derive(Clone, Copy, Debug)]

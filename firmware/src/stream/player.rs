@@ -1,7 +1,9 @@
 //! The frames of a stream, in time whatever has come.
 
-use super::{Live, Made, PlayerMemory, Reckoner, Reckoning};
-use crate::voice::Frames;
+use super::live::Live;
+use super::memory::PlayerMemory;
+use super::reckoner::{Made, Reckoner, Reckoning};
+use crate::frames::Frames;
 use decoder_core::mclip::{Header, Memory, Stream};
 use decoder_core::{Error, I16F16};
 

@@ -11,17 +11,17 @@ use crate::servos::{Bus, BusConfig, ServoConfig};
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::mclip::Needs;
 use decoder_core::{I16F16, Limits};
-use firmware::bus::port::{Automatic, Line as Timing, Port};
-use firmware::clips::{Clips, Post, Worker, Workspace, decode};
+use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
+use firmware::control_loop::{Surroundings, control_loop};
 use firmware::device::{Device, Identity};
-use firmware::drive::{Surroundings, drive};
-use firmware::dynamixel::{Client, DynamixelBus};
 use firmware::fault::Feedback;
 use firmware::link::message::DATA_BYTES;
 use firmware::machine::{Machine, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
+use servo_wire::dynamixel::{Client, DynamixelBus};
+use servo_wire::port::{Automatic, Line as Timing, Port};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -106,7 +106,7 @@ pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> b
         busy: Duration::ZERO,
         late: false,
     };
-    embassy_futures::block_on(drive(&mut machine, &mut bus, &mut surroundings));
+    embassy_futures::block_on(control_loop(&mut machine, &mut bus, &mut surroundings));
     Ok(())
 }
 
@@ -126,10 +126,10 @@ fn live(config: &Config) -> &'static Live<'static> {
 
 /// A decoder.
 fn worker(live: &'static Live<'static>) -> Worker<'static, 'static> {
-    let post: &'static Post<'static> = forever(Post::new());
+    let mailbox: &'static Mailbox<'static> = forever(Mailbox::new());
     let memory = forever(Workspace::<CHANNELS, CHANNELS, WORDS>::new());
-    let task = forever(Box::pin(decode(post, memory, live)));
-    Worker::new(task.as_mut(), post, forever([I16F16::ZERO; CHANNELS]))
+    let task = forever(Box::pin(decode(mailbox, memory, live)));
+    Worker::new(task.as_mut(), mailbox, forever([I16F16::ZERO; CHANNELS]))
 }
 
 /// The clips in flash: the directory in the first two sectors, clips in the others.

@@ -4,15 +4,16 @@ use super::serial::{run, until};
 use crate::play::{Recording, Taken};
 use crate::puppet::Map;
 use anyhow::{Result, bail};
-use firmware::bus::{BusError, Goal, Reading, ServoBus};
-use firmware::drive::{Surroundings, drive};
+use firmware::control_loop::{Surroundings, control_loop};
+use firmware::decoder_list::SingleClip;
 use firmware::fault::Feedback;
 use firmware::follow::{Counters, Follow, goal_map};
-use firmware::library::Single;
+use firmware::frames::Frames;
+use firmware::library::Library;
 use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
-use firmware::stage::Library;
-use firmware::voice::{Frames, Voice};
+use firmware::playback::Playback;
+use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::Receiver;
@@ -47,8 +48,9 @@ pub fn play(
     asked: &AtomicUsize,
     say: &mut dyn FnMut(&str),
 ) -> Result<Played> {
-    let frames = Voice::new(frames, map, false, 0).map(Voice::into_frames).map_err(|(error, _)| error)?;
-    perform(Single::new(frames, Some(rate)), map, bus, asked, say, &mut || None)
+    let frames =
+        Playback::new(frames, map, false, 0).map(Playback::into_frames).map_err(|(error, _)| error)?;
+    perform(SingleClip::new(frames, Some(rate)), map, bus, asked, say, &mut || None)
 }
 
 /// Follows live frames in goal units that come as bytes, from finding the servos until somebody asks for an end or the one who sends
@@ -70,7 +72,7 @@ pub fn follow(
         input.try_iter().for_each(|bytes| follow.feed(&bytes));
         follow.tick().then_some(Command::LinkLost)
     };
-    let played = perform(Single::new(follow.frames(), None), &map, bus, asked, say, &mut tick)?;
+    let played = perform(SingleClip::new(follow.frames(), None), &map, bus, asked, say, &mut tick)?;
     Ok((played, follow.counters()))
 }
 
@@ -108,7 +110,7 @@ fn perform<L: Library>(
         late: 0,
     };
     let ids: Vec<u8> = map.joints().iter().map(|joint| joint.id).collect();
-    run(drive(&mut machine, &mut bus, &mut surroundings));
+    run(control_loop(&mut machine, &mut bus, &mut surroundings));
     // Servos hold their last goal; their watchdogs would turn the next player's goals down.
     if map.settings().servo_watchdog_millis > 0 {
         match run(bus.bus.set_watchdog(&ids, 0)) {

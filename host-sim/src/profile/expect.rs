@@ -5,10 +5,10 @@ use crate::clip::Clip;
 use crate::puppet::Map;
 use anyhow::{Result, bail};
 use decoder_core::I16F16;
-use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
-use firmware::library::Single;
-use firmware::machine::{After, Machine, Rehearsal, Show, Start, State};
+use firmware::decoder_list::SingleClip;
+use firmware::machine::{After, IdealServos, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
+use servo_wire::dynamixel::sync_write::{goal_positions, goal_positions_len};
 
 /// The frames of a clip.
 ///
@@ -31,8 +31,8 @@ pub fn frames(clip: &Clip<'_>) -> Result<Expected> {
 pub fn ticks(clip: &Clip<'_>, map: &Map) -> Result<Expected> {
     clip.decode(|decoder| {
         let show = Show { playlist: &[0], after: After::Hold, ..Show::default() };
-        let mut machine = Machine::new(map, Single::new(decoder, None), show, Start::Power);
-        let mut rehearsal = Rehearsal::new(&machine);
+        let mut machine = Machine::new(map, SingleClip::new(decoder, None), show, Start::Power);
+        let mut rehearsal = IdealServos::new(&machine);
         let mut packet = [0; goal_positions_len(MAX_SERVOS)];
         let mut frames = Vec::new();
         if !rehearsal.until_it_plays(&mut machine, PATIENCE) {

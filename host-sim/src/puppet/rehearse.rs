@@ -3,9 +3,10 @@
 use super::Map;
 use anyhow::{Result, anyhow};
 use firmware::clock::Speed;
+use firmware::frames::Frames;
 use firmware::limits::{FINE_BITS, Limiter};
 use firmware::map::Joint;
-use firmware::voice::{Frames, Voice};
+use firmware::playback::Playback;
 use serde::Serialize;
 
 /// The largest of something, and where it was.
@@ -56,22 +57,22 @@ impl Demand {
 /// # Errors
 /// Where clip and map do not fit together, or the clip is damaged.
 pub fn rehearse(frames: &mut dyn Frames, map: &Map) -> Result<Vec<Demand>> {
-    let mut voice = Voice::new(frames, map, false, 0).map_err(|(error, _)| error)?;
+    let mut playback = Playback::new(frames, map, false, 0).map_err(|(error, _)| error)?;
     let damaged = |error| anyhow!("the clip is damaged: {error}");
-    while !voice.seek(map).map_err(damaged)? {}
+    while !playback.seek(map).map_err(damaged)? {}
     let mut joints: Vec<Course> =
         map.joints().iter().map(|joint| Course::new(joint, map.tick_hz())).collect();
     let mut wanted = vec![0; map.joints().len()];
     for tick in 0.. {
-        voice.pose(map.settings().interpolation, &mut wanted, |to, goal| *to = goal);
+        playback.pose(map.settings().interpolation, &mut wanted, |to, goal| *to = goal);
         let seconds = map.tick_micros(tick) as f64 / 1e6;
         for (course, wanted) in joints.iter_mut().zip(&wanted) {
             course.tick(*wanted, seconds);
         }
-        if voice.ended() {
+        if playback.ended() {
             break;
         }
-        voice.advance(map, Speed::NORMAL).map_err(damaged)?;
+        playback.advance(map, Speed::NORMAL).map_err(damaged)?;
     }
     Ok(joints.into_iter().map(|course| course.demand).collect())
 }

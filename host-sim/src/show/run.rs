@@ -10,15 +10,15 @@ use crate::qemu;
 use crate::qemu_log::Log;
 use crate::thumb::{Board, Core, Image, Machine, Stop};
 use anyhow::{Context, Result, anyhow, bail};
-use firmware::clips::{Post, WithLive, Worker, decode};
-use firmware::drive::Surroundings;
+use firmware::clips::{Mailbox, WithLive, Worker, decode};
+use firmware::control_loop::Surroundings;
+use firmware::decoder_list::DecoderList;
 use firmware::fault::{Fault, Feedback};
-use firmware::library::Shelf;
+use firmware::library::Library;
 use firmware::machine::{Machine as Puppet, Start, State};
 use firmware::map::MAX_SERVOS;
 use firmware::script::Script;
 use firmware::sender::{STREAM, Sender, StreamMemory};
-use firmware::stage::Library;
 use firmware::stream::{Counters, Live, Made};
 use serde::Serialize;
 use std::pin::pin;
@@ -108,15 +108,15 @@ pub fn on_host(program: &Program) -> Result<Ran> {
         clips.iter().zip(&mut memories).map(|(clip, memory)| clip.decoder(memory)).collect();
     let mut decoders = decoders?;
     let library =
-        Shelf::<_, { super::file::MOST_CLIPS }>::of(decoders.iter_mut().map(|frames| &mut **frames));
+        DecoderList::<_, { super::file::MOST_CLIPS }>::of(decoders.iter_mut().map(|frames| &mut **frames));
     let mut memory = Box::new(StreamMemory::new());
     let (memory, decoder, pose) = memory.lend();
-    let (live, post) = (Live::new(memory, STREAM), Post::new());
-    let task = pin!(decode(&post, decoder, &live));
-    let library = WithLive::new(library, Worker::new(task, &post, pose));
+    let (live, mailbox) = (Live::new(memory, STREAM), Mailbox::new());
+    let task = pin!(decode(&mailbox, decoder, &live));
+    let library = WithLive::new(library, Worker::new(task, &mailbox, pose));
     let bytes: Vec<&[u8]> = program.clips.iter().map(|(.., bytes)| bytes.as_slice()).collect();
     let mut puppet = Puppet::new(&program.map, library, program.show(), Start::Power);
-    let mut stage = Stage {
+    let mut surroundings = ShowSurroundings {
         script: Script::new(&program.orders, Sender::new(&bytes, &live)),
         notes: Vec::new(),
         state: None,
@@ -125,8 +125,8 @@ pub fn on_host(program: &Program) -> Result<Ran> {
         made: None,
         most: most_ticks(program)?,
     };
-    let recorder = on_the_spot(&mut puppet, recorder(program)?, &mut stage)?;
-    Ok(Ran { recording: recorder.finish()?, notes: stage.notes, costs: Vec::new() })
+    let recorder = on_the_spot(&mut puppet, recorder(program)?, &mut surroundings)?;
+    Ok(Ran { recording: recorder.finish()?, notes: surroundings.notes, costs: Vec::new() })
 }
 
 /// The servos, and what will happen to them.
@@ -148,7 +148,7 @@ fn most_ticks(program: &Program) -> Result<u32> {
     Ok(((4.0 * clips + last + 60.0) * f64::from(program.map.tick_hz())) as u32)
 }
 
-struct Stage<'s, 'l> {
+struct ShowSurroundings<'s, 'l> {
     script: Script<'s, 'l>,
     notes: Vec<Note>,
     state: Option<State>,
@@ -158,7 +158,7 @@ struct Stage<'s, 'l> {
     most: u32,
 }
 
-impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_, '_> {
+impl<L: Library> Surroundings<L, MAX_SERVOS> for ShowSurroundings<'_, '_> {
     async fn wait(&mut self, _: u32) -> bool {
         false
     }
@@ -177,7 +177,7 @@ impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_, '_> {
         if std::mem::replace(fault, puppet.fault()) != puppet.fault() {
             note(What::Fault, puppet.fault().map_or(String::new(), |fault| format!("{fault:?}")));
         }
-        let plays = puppet.stage().position().map(|(clip, ..)| clip);
+        let plays = puppet.mixer().position().map(|(clip, ..)| clip);
         if std::mem::replace(clip, plays) != plays {
             note(What::Clip, plays.map_or(String::new(), |clip| clip.to_string()));
         }

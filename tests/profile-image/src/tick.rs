@@ -12,18 +12,18 @@ mod store;
 use core::hint::black_box;
 use cortex_m_rt::entry;
 use ends::{failed, finished};
-use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
-use firmware::library::Single;
-use firmware::machine::{After, Machine, Rehearsal, Show, Start, State};
+use firmware::decoder_list::SingleClip;
+use firmware::machine::{After, IdealServos, Machine, Show, Start, State};
 use firmware::map::{JointMap, MAX_SERVOS};
+use servo_wire::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use store::{Decoder, Memory};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 
 /// The machine, its servos, and memory for a packet.
-struct Stage {
-    machine: Machine<'static, Single<Decoder>, MAX_SERVOS>,
-    servos: Rehearsal<MAX_SERVOS>,
+struct Rehearsal {
+    machine: Machine<'static, SingleClip<Decoder>, MAX_SERVOS>,
+    servos: IdealServos<MAX_SERVOS>,
     packet: [u8; goal_positions_len(MAX_SERVOS)],
 }
 
@@ -34,12 +34,12 @@ const PATIENCE: u32 = 100_000;
 fn main() -> ! {
     static mut MEMORY: Memory = Memory::EMPTY;
     static mut JOINTS: Option<JointMap<MAX_SERVOS>> = None;
-    static mut STAGE: Option<Stage> = None;
-    if open(STAGE, JOINTS, MEMORY).is_none() {
+    static mut REHEARSAL: Option<Rehearsal> = None;
+    if open(REHEARSAL, JOINTS, MEMORY).is_none() {
         failed();
     }
-    let Some(stage) = STAGE else { failed() };
-    while let Some(packet) = decode_frame(stage) {
+    let Some(rehearsal) = REHEARSAL else { failed() };
+    while let Some(packet) = decode_frame(rehearsal) {
         black_box(packet);
     }
     finished()
@@ -48,30 +48,30 @@ fn main() -> ! {
 #[inline(never)]
 #[unsafe(no_mangle)]
 fn open(
-    stage: &mut Option<Stage>,
+    rehearsal: &mut Option<Rehearsal>,
     joints: &'static mut Option<JointMap<MAX_SERVOS>>,
     memory: &'static mut Memory,
 ) -> Option<()> {
     let map: &'static JointMap<MAX_SERVOS> = joints.insert(JointMap::parse(black_box(MAP)).ok()?);
     let (decoder, rate_centihertz) = store::decoder(memory).ok()?;
-    let library = Single::new(decoder, Some(rate_centihertz));
+    let library = SingleClip::new(decoder, Some(rate_centihertz));
     let show = Show { playlist: &[0], after: After::Hold, ..Show::default() };
     let mut machine = Machine::new(map, library, show, Start::Power);
-    let mut servos = Rehearsal::new(&machine);
+    let mut servos = IdealServos::new(&machine);
     if !servos.until_it_plays(&mut machine, PATIENCE) {
         return None;
     }
-    *stage = Some(Stage { machine, servos, packet: [0; goal_positions_len(MAX_SERVOS)] });
+    *rehearsal = Some(Rehearsal { machine, servos, packet: [0; goal_positions_len(MAX_SERVOS)] });
     Some(())
 }
 
 /// What is measured: look at the servos, decode, interpolate, blend, limit, and write the packet.
 #[inline(never)]
 #[unsafe(no_mangle)]
-fn decode_frame(stage: &mut Stage) -> Option<&[u8]> {
-    if stage.machine.state() != State::Playing {
+fn decode_frame(rehearsal: &mut Rehearsal) -> Option<&[u8]> {
+    if rehearsal.machine.state() != State::Playing {
         return None;
     }
-    let goals = stage.servos.tick(&mut stage.machine);
-    goal_positions(&mut stage.packet, goals).ok()
+    let goals = rehearsal.servos.tick(&mut rehearsal.machine);
+    goal_positions(&mut rehearsal.packet, goals).ok()
 }

@@ -6,17 +6,17 @@ use crate::servos2;
 use crate::wire::{Fault as Struck, Servos, Wire};
 use decoder_core::{Error, I16F16};
 use embedded_hal_async::delay::DelayNs;
-use firmware::bus::port::{Line, Port};
-use firmware::drive::{Surroundings, drive};
-use firmware::dynamixel::{Client, DynamixelBus};
+use firmware::control_loop::{Surroundings, control_loop};
+use firmware::decoder_list::SingleClip;
 use firmware::fault::{Fault, Feedback, UNHEARD_TICKS};
-use firmware::library::Single;
+use firmware::frames::Frames;
+use firmware::library::Library;
 use firmware::limits::FINE_BITS;
 use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, Policy, Settings};
-use firmware::stage::Library;
-use firmware::voice::Frames;
 use host_sim::servos::{Bus, BusConfig, Deed, Event, ServoConfig};
+use servo_wire::dynamixel::{Client, DynamixelBus};
+use servo_wire::port::{Line, Port};
 use std::collections::BTreeMap;
 
 const BAUD: u32 = 1_000_000;
@@ -260,7 +260,7 @@ fn play(policy: Policy, fault: Option<(usize, Struck)>) -> Result<Outcome, Strin
     };
     let port = Port::new(wire.clone(), wire.clone(), wire.clone(), Line::uart(BAUD));
     let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
-    let library = Single::new(Swing(0, [I16F16::ZERO]), None);
+    let library = SingleClip::new(Swing(0, [I16F16::ZERO]), None);
     let mut machine = Machine::new(&map, library, Show { playlist: &[0], ..Show::default() }, Start::Power);
     let mut evening = Evening {
         wire: wire.clone(),
@@ -272,7 +272,7 @@ fn play(policy: Policy, fault: Option<(usize, Struck)>) -> Result<Outcome, Strin
         looked_at: 0,
         rested: 0,
     };
-    wire.run(drive(&mut machine, &mut bus, &mut evening));
+    wire.run(control_loop(&mut machine, &mut bus, &mut evening));
     if let Some(wrong) = wire.servos(|servos| servos.wrong.take()) {
         return Err(wrong);
     }

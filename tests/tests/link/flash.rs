@@ -1,10 +1,9 @@
 //! Uploads to a device whose flash stops it: only at rest, and never in two ticks in a row.
 
-use crate::fuzz::{Shelf, shelf};
+use crate::fuzz::{DecoderList, shelf};
 use crate::virtual_device::map;
 use decoder_core::mclip::CodecId;
 use encoder::mclip::{Encoder, Quality, Settings};
-use firmware::bus::Reading;
 use firmware::device::{Device, Identity};
 use firmware::fault::Feedback;
 use firmware::link::frame::{Deframer, OVERHEAD, crc32, wire_len, write};
@@ -14,6 +13,7 @@ use firmware::machine::{Action, Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
 use firmware::store::Status;
 use mocap::sample;
+use servo_wire::bus::Reading;
 
 #[test]
 fn flash_that_stalls_is_written_at_rest_in_every_second_tick() {
@@ -28,7 +28,7 @@ fn flash_that_stalls_is_written_at_rest_in_every_second_tick() {
     let mut reply = Deframer::<{ ANSWER_BYTES + OVERHEAD }>::new();
     let (mut number, mut ticks, mut action, mut wrote) = (0, 0, None::<Action>, Vec::new());
     // A tick with a request, and what is answered.
-    let mut ask = |machine: &mut Machine<'_, Shelf, MAX_SERVOS>, request: &Request<'_>| {
+    let mut ask = |machine: &mut Machine<'_, DecoderList, MAX_SERVOS>, request: &Request<'_>| {
         let readings: Vec<_> = machine
             .goals()
             .iter()
@@ -46,7 +46,7 @@ fn flash_that_stalls_is_written_at_rest_in_every_second_tick() {
         let feedback =
             Feedback { readings: &readings, bus: Ok(()), action: action.map(|_| Ok(())), late: false };
         let status =
-            |machine: &mut Machine<'_, Shelf, MAX_SERVOS>| machine.library().store().unwrap().status();
+            |machine: &mut Machine<'_, DecoderList, MAX_SERVOS>| machine.library().store().unwrap().status();
         let before = status(machine);
         ticks += 1;
         device.tick(machine, &feedback, ticks * 20, 0);

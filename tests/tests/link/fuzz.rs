@@ -6,8 +6,7 @@ use bunraku_fuzz::mutate::mutate;
 use decoder_core::mclip::{CodecId, Needs};
 use decoder_core::{I16F16, Limits};
 use encoder::mclip::{Encoder, Quality};
-use firmware::bus::Reading;
-use firmware::clips::{Clips, LIVE, Post, Worker, Workspace, decode};
+use firmware::clips::{Clips, LIVE, Mailbox, Worker, Workspace, decode};
 use firmware::clock::Speed;
 use firmware::device::{Device, Identity};
 use firmware::fault::Feedback;
@@ -20,6 +19,7 @@ use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use host_sim::flash::Flash;
 use mocap::sample;
+use servo_wire::bus::Reading;
 
 /// Frames in CI.
 const FRAMES: usize = 20_000;
@@ -32,9 +32,9 @@ fn forever<T>(memory: T) -> &'static mut T {
     Box::leak(Box::new(memory))
 }
 
-pub type Shelf = Clips<'static, 'static, Flash<SECTOR>>;
+pub type DecoderList = Clips<'static, 'static, Flash<SECTOR>>;
 
-pub fn shelf() -> Shelf {
+pub fn shelf() -> DecoderList {
     let pose = || &mut forever([I16F16::ZERO; CHANNELS])[..];
     let poses = [pose(), pose(), pose(), pose()];
     let player = PlayerMemory { header: forever([0; 4096]), block: forever([0; 1040]), poses };
@@ -43,10 +43,10 @@ pub fn shelf() -> Shelf {
     let live: &'static Live<'static> =
         forever(Live::new(Memory { buffer: forever([0; 6000]), player }, settings));
     let worker = || {
-        let post: &'static Post<'static> = forever(Post::new());
+        let mailbox: &'static Mailbox<'static> = forever(Mailbox::new());
         let task =
-            forever(Box::pin(decode(post, forever(Workspace::<CHANNELS, CHANNELS, WORDS>::new()), live)));
-        Worker::new(task.as_mut(), post, forever([I16F16::ZERO; CHANNELS]))
+            forever(Box::pin(decode(mailbox, forever(Workspace::<CHANNELS, CHANNELS, WORDS>::new()), live)));
+        Worker::new(task.as_mut(), mailbox, forever([I16F16::ZERO; CHANNELS]))
     };
     let layout = Layout { directory: [0, SECTOR as u32], clips: 2 * SECTOR as u32..64 * SECTOR as u32 };
     let capacity = Needs { channels: CHANNELS, correlations: CHANNELS, words: WORDS };
@@ -304,8 +304,8 @@ fn anything_on_the_link_is_borne() {
             assert!(jerk <= joint.max_acceleration / 1024 + 2, "a goal's speed jumps by {jerk}");
             (*position, *speed) = (goal.position, step);
         }
-        playing += u32::from(machine.stage().position().is_some());
-        streamed += u32::from(machine.stage().position().is_some_and(|(clip, ..)| clip == LIVE));
+        playing += u32::from(machine.mixer().position().is_some());
+        streamed += u32::from(machine.mixer().position().is_some_and(|(clip, ..)| clip == LIVE));
         ticks += 1;
         if ticks % 64 == 0 {
             // Each clip in the store is one that was sent, whole.

@@ -2,7 +2,7 @@
 
 use decoder_core::mclip::{self, Workspace};
 use decoder_core::{Error, Limits, qmd};
-use firmware::voice::Frames;
+use firmware::frames::Frames;
 use heapless::Vec;
 
 include!(concat!(env!("OUT_DIR"), "/clips.rs"));

@@ -15,22 +15,22 @@ mod uart;
 use core::pin::pin;
 use embassy_executor::Spawner;
 use embassy_time::{Delay, Duration, Instant, Timer};
-use firmware::bus::port::{Automatic, Line, Port};
-use firmware::clips::{Post, WithLive, Worker, decode};
+use firmware::clips::{Mailbox, WithLive, Worker, decode};
 #[allow(unused_imports, reason = "not every show sets a speed")]
 use firmware::clock::Speed;
-use firmware::drive::{Surroundings, drive};
-use firmware::dynamixel::bus::DynamixelBus;
-use firmware::dynamixel::client::Client;
+use firmware::control_loop::{Surroundings, control_loop};
+use firmware::decoder_list::DecoderList;
 use firmware::fault::{Fault, Feedback};
-use firmware::library::Shelf;
+use firmware::library::Library;
 #[allow(unused_imports, reason = "not every show has commands")]
 use firmware::machine::{After, Command, Machine, Show, Start, State};
 use firmware::map::{JointMap, MAX_SERVOS};
 use firmware::script::{Order, Script};
 use firmware::sender::{STREAM, Sender, StreamMemory};
-use firmware::stage::Library;
 use firmware::stream::{Counters, Live, Made};
+use servo_wire::dynamixel::bus::DynamixelBus;
+use servo_wire::dynamixel::client::Client;
+use servo_wire::port::{Automatic, Line, Port};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 
@@ -57,12 +57,12 @@ async fn main(_spawner: Spawner) {
         Ok(decoders) => decoders,
         Err(error) => defmt::panic!("clip: {}", error),
     };
-    let library = Shelf::<_, { clips::COUNT }>::of(decoders.iter_mut().map(clips::Decoder::frames));
+    let library = DecoderList::<_, { clips::COUNT }>::of(decoders.iter_mut().map(clips::Decoder::frames));
     let mut memory = StreamMemory::new();
     let (memory, decoder, pose) = memory.lend();
-    let (live, post) = (Live::new(memory, STREAM), Post::new());
-    let task = pin!(decode(&post, decoder, &live));
-    let library = WithLive::new(library, Worker::new(task, &post, pose));
+    let (live, mailbox) = (Live::new(memory, STREAM), Mailbox::new());
+    let task = pin!(decode(&mailbox, decoder, &live));
+    let library = WithLive::new(library, Worker::new(task, &mailbox, pose));
     let mut puppet = Machine::new(&map, library, SHOW, Start::Power);
     let baud = map.buses().first().map_or(0, |bus| bus.baud);
     let uart = match uart::Uart::new(core.NVIC, baud) {
@@ -71,7 +71,7 @@ async fn main(_spawner: Spawner) {
     };
     let line = Line { slack_us: SLACK_US, ..Line::uart(baud) };
     let mut bus = DynamixelBus::<_, _, _>::new(Client::new(Port::new(uart, Automatic, Delay, line)));
-    let mut stage = Stage {
+    let mut surroundings = ShowSurroundings {
         map: &map,
         start: Instant::now(),
         script: Script::new(&ORDERS, Sender::new(&clips::FILES, &live)),
@@ -80,12 +80,12 @@ async fn main(_spawner: Spawner) {
         clip: None,
         made: None,
     };
-    drive(&mut puppet, &mut bus, &mut stage).await;
+    control_loop(&mut puppet, &mut bus, &mut surroundings).await;
     exit::success()
 }
 
 /// The show, and what was told last. A simulated board's clock says nothing about deadlines: under QEMU it is the host's.
-struct Stage<'m, 'l> {
+struct ShowSurroundings<'m, 'l> {
     map: &'m JointMap<MAX_SERVOS>,
     start: Instant,
     script: Script<'m, 'l>,
@@ -95,7 +95,7 @@ struct Stage<'m, 'l> {
     made: Option<Made>,
 }
 
-impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_, '_> {
+impl<L: Library> Surroundings<L, MAX_SERVOS> for ShowSurroundings<'_, '_> {
     async fn wait(&mut self, tick: u32) -> bool {
         Timer::at(self.start + Duration::from_micros(self.map.tick_micros(tick))).await;
         false
@@ -118,7 +118,7 @@ impl<L: Library> Surroundings<L, MAX_SERVOS> for Stage<'_, '_> {
                 None => defmt::info!("tick {} fault ", tick),
             }
         }
-        let plays = puppet.stage().position().map(|(clip, ..)| clip);
+        let plays = puppet.mixer().position().map(|(clip, ..)| clip);
         if core::mem::replace(clip, plays) != plays {
             match plays {
                 Some(clip) => defmt::info!("tick {} clip {}", tick, clip),

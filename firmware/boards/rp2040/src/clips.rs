@@ -19,15 +19,16 @@ const SECTOR: u32 = <Driver as NorFlash>::ERASE_SIZE as u32;
 /// Behind the image: memory.x keeps it out of here.
 const START: u32 = MB as u32;
 
+const END: u32 = BYTES as u32;
+
 /// Two sectors for the directory, the others for clips.
-pub const LAYOUT: Layout =
-    Layout { directory: [START, START + SECTOR], clips: START + 2 * SECTOR..BYTES as u32 };
+pub const LAYOUT: Layout = Layout { directory: [START, START + SECTOR], clips: START + 2 * SECTOR..END };
 
 /// The flash.
 pub type Clips = InPlace<Driver, 0x1000_0000, BYTES>;
 
 /// Takes it over.
 pub fn flash(flash: Peri<'static, FLASH>) -> Clips {
-    // SAFETY: the chip maps it there, and the image runs from it.
-    unsafe { Clips::new(Flash::new_blocking(flash)) }
+    // SAFETY: the chip maps it there, the image runs from it, and memory.x keeps the image out of the clips.
+    unsafe { Clips::new(Flash::new_blocking(flash), START..END) }
 }

@@ -2,7 +2,7 @@
 
 use crate::clip;
 use crate::hobby::Hobby;
-use crate::show::{Puppet, SHOW, Stage, Wiring};
+use crate::show::{BoardSurroundings, Puppet, SHOW, Wiring};
 use core::pin::pin;
 use decoder_core::{I16F16, Limits};
 use embassy_futures::poll_once;
@@ -10,20 +10,20 @@ use embassy_time::{Delay, Duration, Instant};
 use embedded_hal::digital::{InputPin, OutputPin};
 use embedded_hal_async::i2c::I2c;
 use embedded_io_async::{Read, Write};
-use firmware::bus::port::Port;
-use firmware::clips::{Clips, Post, Worker, Workspace, decode};
+use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
+use firmware::control_loop::{Surroundings, control_loop};
 use firmware::device::{Device, Identity};
-use firmware::drive::{Surroundings, drive};
-use firmware::dynamixel::bus::DynamixelBus;
-use firmware::dynamixel::client::Client;
 use firmware::fault::Feedback;
 use firmware::link::message::DATA_BYTES;
 use firmware::link::session::Session;
 use firmware::machine::Machine;
 use firmware::map::MAX_SERVOS;
-use firmware::pwm::SetDutyCycle;
-use firmware::store::{Layout, Mapped, Store};
+use firmware::store::{Layout, MappedFlash, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
+use servo_wire::dynamixel::bus::DynamixelBus;
+use servo_wire::dynamixel::client::Client;
+use servo_wire::port::Port;
+use servo_wire::pwm::SetDutyCycle;
 
 /// Most channels of a clip.
 const CHANNELS: usize = 128;
@@ -73,7 +73,7 @@ impl Puppet {
         T: InputPin,
         W: FnMut(),
         H: Read + Write,
-        F: Mapped,
+        F: MappedFlash,
     {
         let map = &self.map;
         let Wiring { uart, direction, line, trigger, feed, start, simulated } = wiring;
@@ -89,11 +89,11 @@ impl Puppet {
         let [first_pose, second_pose, poses @ ..] = poses.each_mut().map(|pose| &mut pose[..]);
         let (buffer, header, block, first, second) = memory();
         let live = Live::new(Memory { buffer, player: PlayerMemory { header, block, poses } }, STREAM);
-        let posts = [Post::new(), Post::new()];
-        let first = pin!(decode(&posts[0], first, &live));
-        let second = pin!(decode(&posts[1], second, &live));
+        let mailboxes = [Mailbox::new(), Mailbox::new()];
+        let first = pin!(decode(&mailboxes[0], first, &live));
+        let second = pin!(decode(&mailboxes[1], second, &live));
         let workers =
-            [Worker::new(first, &posts[0], first_pose), Worker::new(second, &posts[1], second_pose)];
+            [Worker::new(first, &mailboxes[0], first_pose), Worker::new(second, &mailboxes[1], second_pose)];
         let linked = [clip::CLIP];
         let clips = Clips::new(&linked, store, &live, workers);
         let mut machine = Machine::new(map, clips, SHOW, start);
@@ -101,7 +101,7 @@ impl Puppet {
         let mut bus = hobby.with(map, serial);
         defmt::info!("{} bytes of motion on {} servos", clip::CLIP.len(), map.joints().len());
         let mut served = Served {
-            stage: Stage::new(map, trigger, feed, simulated),
+            board: BoardSurroundings::new(map, trigger, feed, simulated),
             clock_hz: identity.clock_hz,
             device: Device::new(identity),
             session: Session::new(),
@@ -110,7 +110,7 @@ impl Puppet {
             woken: Instant::now(),
             busy: Duration::MIN,
         };
-        drive(&mut machine, &mut bus, &mut served).await;
+        control_loop(&mut machine, &mut bus, &mut served).await;
     }
 }
 
@@ -134,7 +134,7 @@ fn memory() -> Buffers {
 
 /// A board with a host.
 struct Served<'m, T, W, H> {
-    stage: Stage<'m, T, W>,
+    board: BoardSurroundings<'m, T, W>,
     device: Device,
     clock_hz: u32,
     session: Session,
@@ -175,14 +175,14 @@ impl<T, W, H: Read + Write> Served<'_, T, W, H> {
 
 impl<F, T, W, H> Surroundings<Clips<'_, '_, F>, MAX_SERVOS> for Served<'_, T, W, H>
 where
-    F: Mapped,
+    F: MappedFlash,
     T: InputPin,
     W: FnMut(),
     H: Read + Write,
 {
     async fn wait(&mut self, tick: u32) -> bool {
         self.busy = self.woken.elapsed();
-        let late = Surroundings::<Clips<'_, '_, F>, MAX_SERVOS>::wait(&mut self.stage, tick).await;
+        let late = Surroundings::<Clips<'_, '_, F>, MAX_SERVOS>::wait(&mut self.board, tick).await;
         self.woken = Instant::now();
         late
     }
@@ -192,7 +192,7 @@ where
         machine: &mut Machine<'_, Clips<'_, '_, F>, MAX_SERVOS>,
         feedback: &Feedback<'_>,
     ) -> bool {
-        let millis = self.stage.millis();
+        let millis = self.board.millis();
         let busy = self.busy.as_micros() * u64::from(self.clock_hz) / 1_000_000;
         self.device.tick(machine, feedback, millis, busy as u32);
         self.receive();
@@ -202,10 +202,10 @@ where
         self.input.rotate_left(taken);
         self.input.truncate(self.input.len() - taken);
         self.send();
-        self.stage.control(machine, feedback)
+        self.board.control(machine, feedback)
     }
 
     fn feed(&mut self) {
-        Surroundings::<Clips<'_, '_, F>, MAX_SERVOS>::feed(&mut self.stage);
+        Surroundings::<Clips<'_, '_, F>, MAX_SERVOS>::feed(&mut self.board);
     }
 }

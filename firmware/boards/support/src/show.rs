@@ -5,15 +5,15 @@ use core::num::NonZeroU16;
 use embassy_time::{Delay, Duration, Instant, Timer};
 use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
 use embedded_io_async::{Read, Write};
-use firmware::bus::port::{Line, Port};
-use firmware::drive::{Surroundings, drive};
-use firmware::dynamixel::bus::DynamixelBus;
-use firmware::dynamixel::client::Client;
+use firmware::control_loop::{Surroundings, control_loop};
+use firmware::decoder_list::SingleClip;
 use firmware::fault::{Fault, Feedback};
-use firmware::library::Single;
+use firmware::library::Library;
 use firmware::machine::{After, Command, Machine, Show, Start, State};
 use firmware::map::{BusKind, JointMap, MAX_SERVOS};
-use firmware::stage::Library;
+use servo_wire::dynamixel::bus::DynamixelBus;
+use servo_wire::dynamixel::client::Client;
+use servo_wire::port::{Line, Port};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 
@@ -31,7 +31,7 @@ pub(crate) const SHOW: Show<'static> =
 pub struct Wiring<U, D, T, W> {
     /// The servo bus, at [`Puppet::baud`]. Its reads are buffered and can be cancelled.
     pub uart: U,
-    /// High to send, or [`Automatic`](firmware::bus::port::Automatic).
+    /// High to send, or [`Automatic`](servo_wire::port::Automatic).
     pub direction: D,
     /// What is to be known of the bus.
     pub line: Line,
@@ -108,18 +108,18 @@ impl Puppet {
             Err(error) => defmt::panic!("clip: {}", error),
         };
         let rate = CENTIHERTZ.map_or(clip.rate_centihertz, NonZeroU16::get);
-        let library = Single::new(clip.decoder, Some(rate));
+        let library = SingleClip::new(clip.decoder, Some(rate));
         let mut machine = Machine::new(map, library, SHOW, start);
         let mut bus = DynamixelBus::<_, _, _>::new(Client::new(Port::new(uart, direction, Delay, line)));
         defmt::info!("{} frames at {} cHz on {} servos", clip.frames, rate, map.joints().len());
-        let mut stage = Stage::new(map, trigger, feed, simulated);
-        drive(&mut machine, &mut bus, &mut stage).await;
+        let mut board = BoardSurroundings::new(map, trigger, feed, simulated);
+        control_loop(&mut machine, &mut bus, &mut board).await;
         machine.fault()
     }
 }
 
 /// The board, as the drive sees it.
-pub(crate) struct Stage<'m, T, W> {
+pub(crate) struct BoardSurroundings<'m, T, W> {
     map: &'m JointMap<MAX_SERVOS>,
     began: Instant,
     trigger: T,
@@ -134,7 +134,7 @@ pub(crate) struct Stage<'m, T, W> {
     rests: bool,
 }
 
-impl<'m, T: InputPin, W: FnMut()> Stage<'m, T, W> {
+impl<'m, T: InputPin, W: FnMut()> BoardSurroundings<'m, T, W> {
     pub(crate) fn new(map: &'m JointMap<MAX_SERVOS>, trigger: T, feed: W, simulated: bool) -> Self {
         Self {
             map,
@@ -183,7 +183,7 @@ impl<'m, T: InputPin, W: FnMut()> Stage<'m, T, W> {
     }
 }
 
-impl<L: Library, T: InputPin, W: FnMut()> Surroundings<L, MAX_SERVOS> for Stage<'_, T, W> {
+impl<L: Library, T: InputPin, W: FnMut()> Surroundings<L, MAX_SERVOS> for BoardSurroundings<'_, T, W> {
     async fn wait(&mut self, tick: u32) -> bool {
         let (due, now) = (self.due(tick), Instant::now());
         let late = !self.simulated && now >= self.due(tick.wrapping_add(1));

@@ -1,14 +1,14 @@
 use super::*;
-use crate::bus::Reading;
 use crate::clips::LIVE;
 use crate::link::frame::FrameError;
 use crate::link::message::{DATA_BYTES, Hello, Playing, ServoInfo, Streaming};
 use crate::machine::Command;
 use crate::map::MAX_SERVOS;
+use crate::play_error::PlayError;
 use crate::stream::{Counters, Progress};
-use crate::voice::PlayError;
 use decoder_core::{Error, Field};
 use proptest::prelude::*;
+use servo_wire::bus::Reading;
 use std::collections::VecDeque;
 use std::vec::Vec as List;
 
@@ -263,7 +263,7 @@ fn the_largest_answers_fit() {
         missed: u32::MAX,
         busy: u32::MAX,
         busiest: u32::MAX,
-        bus: Some(crate::bus::BusError::Refused(255)),
+        bus: Some(servo_wire::bus::BusError::Refused(255)),
         stream: Some(stream),
         link: LinkCounts { damaged: u32::MAX, repeated: u32::MAX, unknown: u32::MAX, dropped: u32::MAX },
         servos: core::iter::repeat_n(servo, MAX_SERVOS).collect(),

@@ -1,0 +1,70 @@
+//! Why a clip cannot be played.
+
+use core::fmt;
+use decoder_core::Error;
+use serde::{Deserialize, Serialize};
+
+/// Why a clip cannot be played by a map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum PlayError {
+    /// The clip does not say its rate.
+    Rate,
+    /// There is no frame to play.
+    NoFrames,
+    /// A joint follows a channel that the clip does not have.
+    Channel {
+        /// The servo.
+        id: u8,
+        /// The channel.
+        channel: u16,
+        /// Channels of the clip.
+        channels: usize,
+    },
+    /// The clip is damaged.
+    Clip(Error),
+    /// Too many clips wait already.
+    QueueFull,
+    /// There is no such clip.
+    NoClip {
+        /// Its number.
+        clip: u16,
+    },
+    /// All decoders are in use, or the live stream plays already.
+    NoDecoder,
+    /// The clip is one of another skeleton, or of other channels of it.
+    Channels {
+        /// Channels of the clip.
+        found: usize,
+        /// Those that the map was made for.
+        expected: u16,
+    },
+}
+
+impl fmt::Display for PlayError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Rate => f.write_str("the clip does not say its frame rate"),
+            Self::NoFrames => f.write_str("the clip has no frames"),
+            Self::Channel { id, channel, channels } => {
+                write!(
+                    f,
+                    "servo {id} follows channel {channel} (from 0), but the clip has {channels} channels"
+                )
+            }
+            Self::Clip(error) => error.fmt(f),
+            Self::QueueFull => f.write_str("too many clips wait already"),
+            Self::NoClip { clip } => write!(f, "there is no clip {clip}"),
+            Self::NoDecoder => f.write_str("no decoder is free"),
+            Self::Channels { found, expected } => {
+                write!(
+                    f,
+                    "the clip has {found} channels, expected {expected}, which the joint map was made for"
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for PlayError {}

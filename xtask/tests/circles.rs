@@ -1,0 +1,269 @@
+//! No file needs a file that needs it.
+//!
+//! A file needs another one where a path of it (in a `use` line or in an expression) leads there: `crate::…`, `super::…`,
+//! `self::…`, or a module's own child. A path leads to the file of the last module in it, so what a `mod.rs` re-exports
+//! is needed from the `mod.rs`. What only tests have (`#[cfg(test)]`) does not count.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::fs;
+use std::path::{Path, PathBuf};
+use syn::visit::{self, Visit};
+
+/// The crates whose files are checked, by their folder.
+const CRATES: [&str; 3] = ["decoder-core", "encoder", "firmware"];
+
+/// Names of modules from the crate's root on.
+type Module = Vec<String>;
+
+/// For each file, what it needs, and the line where it says so.
+type Needs = BTreeMap<PathBuf, BTreeMap<PathBuf, usize>>;
+
+/// A crate's modules, and the files that they are in.
+#[derive(Default)]
+struct Files {
+    of_module: BTreeMap<Module, PathBuf>,
+    parsed: Vec<(Module, PathBuf, syn::File)>,
+}
+
+impl Files {
+    /// Reads a module's file and those of its children.
+    fn read(&mut self, module: Module, file: PathBuf) {
+        let text = fs::read_to_string(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        let parsed = syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        let is_root = ["lib.rs", "main.rs", "mod.rs"].iter().any(|name| file.ends_with(name));
+        let folder = if is_root { file.with_file_name("") } else { file.with_extension("") };
+        self.of_module.insert(module.clone(), file.clone());
+        self.read_children(&module, &file, &folder, &parsed.items);
+        self.parsed.push((module, file, parsed));
+    }
+
+    fn read_children(&mut self, module: &Module, file: &Path, folder: &Path, items: &[syn::Item]) {
+        for item in items {
+            let syn::Item::Mod(child) = item else { continue };
+            if is_test(&child.attrs) {
+                continue;
+            }
+            let name = child.ident.to_string();
+            let path: Module = module.iter().cloned().chain([name.clone()]).collect();
+            if let Some((_, items)) = &child.content {
+                self.of_module.insert(path.clone(), file.to_owned());
+                self.read_children(&path, file, &folder.join(&name), items);
+            } else {
+                let alone = folder.join(format!("{name}.rs"));
+                let found = if alone.is_file() { alone } else { folder.join(name).join("mod.rs") };
+                self.read(path, found);
+            }
+        }
+    }
+
+    /// The file that a path in `module` leads to, if it is one of this crate's.
+    fn resolve(&self, module: &Module, path: &[String]) -> Option<&PathBuf> {
+        let mut at = module.clone();
+        let mut names = path.iter().peekable();
+        match names.peek()?.as_str() {
+            "crate" => {
+                at.clear();
+                names.next();
+            }
+            "self" => {
+                names.next();
+            }
+            "super" => {
+                while names.next_if(|name| *name == "super").is_some() {
+                    at.pop()?;
+                }
+            }
+            // A child of this module; everything else is another crate's, or was brought here by a `use`.
+            name => {
+                at.push(name.to_owned());
+                self.of_module.get(&at)?;
+                names.next();
+            }
+        }
+        for name in names {
+            at.push(name.clone());
+            if !self.of_module.contains_key(&at) {
+                at.pop();
+                break;
+            }
+        }
+        self.of_module.get(&at)
+    }
+}
+
+fn is_test(attributes: &[syn::Attribute]) -> bool {
+    attributes.iter().any(|attribute| {
+        attribute.path().is_ident("cfg")
+            && attribute.parse_args::<syn::Path>().is_ok_and(|condition| condition.is_ident("test"))
+    })
+}
+
+/// Goes through a file for the paths in it.
+struct Paths<'f> {
+    files: &'f Files,
+    file: &'f Path,
+    module: Module,
+    needs: BTreeMap<PathBuf, usize>,
+}
+
+impl Paths<'_> {
+    fn add(&mut self, path: &[String], line: usize) {
+        if let Some(found) = self.files.resolve(&self.module, path)
+            && found != self.file
+        {
+            self.needs.entry(found.clone()).or_insert(line);
+        }
+    }
+
+    fn add_tree(&mut self, before: &[String], tree: &syn::UseTree) {
+        let with =
+            |name: &syn::Ident| -> Vec<String> { before.iter().cloned().chain([name.to_string()]).collect() };
+        match tree {
+            syn::UseTree::Path(path) => self.add_tree(&with(&path.ident), &path.tree),
+            syn::UseTree::Name(name) => self.add(&with(&name.ident), name.ident.span().start().line),
+            syn::UseTree::Rename(name) => self.add(&with(&name.ident), name.ident.span().start().line),
+            syn::UseTree::Glob(star) => self.add(before, star.star_token.spans[0].start().line),
+            syn::UseTree::Group(group) => group.items.iter().for_each(|tree| self.add_tree(before, tree)),
+        }
+    }
+}
+
+impl<'ast> Visit<'ast> for Paths<'_> {
+    fn visit_item_mod(&mut self, item: &'ast syn::ItemMod) {
+        if is_test(&item.attrs) {
+            return;
+        }
+        self.module.push(item.ident.to_string());
+        visit::visit_item_mod(self, item);
+        self.module.pop();
+    }
+
+    fn visit_item_use(&mut self, item: &'ast syn::ItemUse) {
+        if !is_test(&item.attrs) {
+            self.add_tree(&[], &item.tree);
+        }
+    }
+
+    fn visit_item_fn(&mut self, item: &'ast syn::ItemFn) {
+        if !is_test(&item.attrs) {
+            visit::visit_item_fn(self, item);
+        }
+    }
+
+    fn visit_item_impl(&mut self, item: &'ast syn::ItemImpl) {
+        if !is_test(&item.attrs) {
+            visit::visit_item_impl(self, item);
+        }
+    }
+
+    fn visit_path(&mut self, path: &'ast syn::Path) {
+        let names: Vec<String> = path.segments.iter().map(|segment| segment.ident.to_string()).collect();
+        if names.len() > 1 {
+            self.add(&names, path.segments[0].ident.span().start().line);
+        }
+        visit::visit_path(self, path);
+    }
+
+    fn visit_visibility(&mut self, _: &'ast syn::Visibility) {
+        // `pub(super)` and `pub(in path)` need nothing.
+    }
+}
+
+/// What each file of the crate with this root needs.
+fn needs(root: &Path) -> Needs {
+    let mut files = Files::default();
+    files.read(Vec::new(), root.to_owned());
+    let mut needs = Needs::new();
+    for (module, file, parsed) in &files.parsed {
+        let mut paths = Paths { files: &files, file, module: module.clone(), needs: BTreeMap::new() };
+        paths.visit_file(parsed);
+        needs.insert(file.clone(), paths.needs);
+    }
+    needs
+}
+
+/// The shortest way from a file back to itself.
+fn circle(needs: &Needs, start: &Path) -> Option<Vec<PathBuf>> {
+    let mut before: BTreeMap<&Path, &Path> = BTreeMap::new();
+    let mut waiting = VecDeque::from([start]);
+    while let Some(file) = waiting.pop_front() {
+        for next in needs.get(file)?.keys() {
+            if next == start {
+                let mut way = vec![file.to_owned()];
+                while let Some(file) = before.get(way.last()?.as_path()) {
+                    way.push((*file).to_owned());
+                }
+                way.reverse();
+                return Some(way);
+            }
+            if !before.contains_key(next.as_path()) {
+                before.insert(next, file);
+                waiting.push_back(next);
+            }
+        }
+    }
+    None
+}
+
+/// Each circle of a crate's files in a line; a file is in one line at most.
+fn circles(root: &Path) -> Vec<String> {
+    let needs = needs(root);
+    assert!(!needs.is_empty());
+    let folder = root.parent().unwrap();
+    let mut told = BTreeSet::new();
+    let mut lines = Vec::new();
+    for file in needs.keys() {
+        let Some(way) = circle(&needs, file).filter(|way| !way.iter().any(|file| told.contains(file))) else {
+            continue;
+        };
+        let name = |file: &Path| file.strip_prefix(folder).unwrap_or(file).display().to_string();
+        let steps = way.iter().zip(way.iter().cycle().skip(1));
+        let text = steps.map(|(from, to)| format!("{}:{} needs {}", name(from), needs[from][to], name(to)));
+        lines.push(text.collect::<Vec<_>>().join(", "));
+        told.extend(way);
+    }
+    lines
+}
+
+#[test]
+fn no_crate_has_a_circle_of_files() {
+    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let mut found = Vec::new();
+    for name in CRATES {
+        let root = workspace.join(name).join("src/lib.rs");
+        found.extend(circles(&root).into_iter().map(|circle| format!("{name}: {circle}")));
+    }
+    assert!(found.is_empty(), "{} circles of files:\n{}", found.len(), found.join("\n"));
+}
+
+#[test]
+fn a_planted_circle_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let file = folder.path().join(name);
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        fs::write(file, text).unwrap();
+    };
+    write("lib.rs", "pub mod low;\nmod high;\n#[cfg(test)]\nmod testing;\n");
+    write("low.rs", "pub struct Low;\n#[cfg(test)]\nmod tests { use super::Low; use crate::high::High; }\n");
+    write("high/mod.rs", "mod part;\nuse crate::low::{self, Low};\npub struct High(Low);\n");
+    write("high/part.rs", "use super::super::low::Low;\npub(super) struct Part(Low);\n");
+    let root = folder.path().join("lib.rs");
+    assert_eq!(circles(&root), [""; 0]);
+
+    // In a `use` line, through a re-export.
+    write("high/mod.rs", "mod part;\npub use part::Part;\npub struct High;\n");
+    write("high/part.rs", "use super::High;\npub struct Part(High);\n");
+    assert_eq!(circles(&root), ["high/mod.rs:2 needs high/part.rs, high/part.rs:1 needs high/mod.rs"]);
+
+    // In an expression, over three files.
+    write("high/mod.rs", "mod part;\nuse crate::low::Low;\npub struct High;\n");
+    write("low.rs", "pub struct Low;\npub fn low() {\n    crate::high::part::part();\n}\n");
+    let found = circles(&root);
+    assert_eq!(found.len(), 1, "{found:?}");
+    for step in
+        ["high/mod.rs:2 needs low.rs", "low.rs:3 needs high/part.rs", "high/part.rs:1 needs high/mod.rs"]
+    {
+        assert!(found[0].contains(step), "{found:?}");
+    }
+}
