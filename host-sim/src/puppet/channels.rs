@@ -227,7 +227,7 @@ fn joint(name: &str) -> &str {
 mod tests {
     use super::*;
     use decoder_core::mclip::CodecId;
-    use encoder::mclip::{Encoder, Quality, Settings};
+    use encoder::mclip::{Encoder, Encoding, Quality};
 
     fn puppet(channels: &[&str]) -> Puppet {
         let mut text = "servo_hz = 50\nbaud = 1_000_000\n".to_owned();
@@ -259,8 +259,10 @@ mod tests {
         let sample = mocap::sample::clip();
         let kept = ["lradius.rx", "root.ty"].map(|name| sample.skeleton.channel(name).unwrap());
         let (skeleton, motion) = (sample.skeleton.with_channels(&kept), sample.motion.with_channels(&kept));
-        let bytes =
-            Encoder::new(&skeleton, &motion).unwrap().encode(&Settings::new(CodecId::Dpcm), Quality::Bits(8));
+        let bytes = Encoder::new(&skeleton, &motion)
+            .unwrap()
+            .encode(&Encoding::new(CodecId::Dpcm), Quality::Bits(8))
+            .unwrap();
         let path = Path::new("clip.mclip");
         let clip = Clip::parse(path, &bytes).unwrap();
         let puppet = puppet(&["root.ty", "lradius.rx"]);
