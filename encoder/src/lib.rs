@@ -3,7 +3,6 @@
 //! Floating point chooses here, but never reconstructs: every encoder decodes with `decoder-core`.
 #![forbid(unsafe_code)]
 
-mod bits;
 pub mod codec;
 pub mod column;
 mod entropy;
@@ -12,7 +11,7 @@ pub mod lloyd_max;
 pub mod mclip;
 pub mod memory;
 pub mod qmd;
-pub mod simulate;
+mod quality;
 pub mod source;
 pub mod task;
 pub mod train;

@@ -3,7 +3,7 @@
 use crate::column::Column;
 use crate::error::EncodeError;
 use crate::source::Source;
-use decoder_core::mclip::ChannelKind;
+use decoder_core::mclip::{ChannelKind, EntropyId};
 use mocap::motion::Motion;
 use mocap::skeleton::{Dof, Skeleton};
 
@@ -23,11 +23,15 @@ pub struct Channels<'m> {
     pub columns: Vec<Column>,
 }
 
-/// A motion that a codec is to encode.
+/// What a codec is to do.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'m> {
     /// The motion.
     pub motion: &'m Channels<'m>,
+    /// The entropy stage; the smallest unless given.
+    pub entropy: Option<EntropyId>,
+    /// Longest block in bytes of codes; a frame that is longer has a block of its own.
+    pub block_bytes: u16,
     /// Frames from one entry point to the next.
     pub entry_frames: usize,
 }

@@ -5,12 +5,12 @@
 //! so many bits, each motion counting by the logarithm of its error, so that a lively one counts no more than a calm one.
 
 use crate::codec::adpcm::{Adpcm, MAGNITUDES, StepAdaptation, StepRule};
-use crate::codec::encode::Encode;
-use crate::codec::scalar::entropy;
+use crate::codec::scalar::allocate::entropy;
+use crate::codec::scalar::contract::ScalarEncode;
+use crate::codec::scalar::simulate;
 use crate::column::{Choice, Column};
 use crate::error::EncodeError;
-use crate::mclip::encoder::{ENTRY_FRAMES, Encoder};
-use crate::simulate;
+use crate::mclip::encoder::{ENTRY_FRAMES, Encoder, Encoding};
 use decoder_core::quantise::step::MAX_STEP;
 use rayon::prelude::*;
 
@@ -154,13 +154,13 @@ fn classes(bits: u8) -> Vec<std::ops::Range<usize>> {
 }
 
 fn choices(encoders: &[Encoder<'_>], codec: Adpcm, bits: u8) -> Result<Vec<Vec<Choice>>, EncodeError> {
-    let each = encoders.iter().map(|encoder| codec.allocate_bits(&encoder.task(ENTRY_FRAMES), bits));
+    let each = encoders.iter().map(|encoder| codec.allocate_bits(&encoder.task(&Encoding::of(codec)), bits));
     each.map(|allocation| Ok(allocation?.choices)).collect()
 }
 
 fn score(encoder: &Encoder<'_>, codec: Adpcm, choices: &[Choice]) -> Result<Score, EncodeError> {
     let parameters = codec.parameters(None);
-    let motion = encoder.task(ENTRY_FRAMES).motion;
+    let motion = encoder.motion();
     let channels = motion.columns.par_iter().zip(choices).zip(&motion.source.weights);
     let sums = channels.filter(|((_, choice), _)| choice.bits > 0).map(|((column, choice), weight)| {
         // Every channel as if it were the first: where coefficients are solved for in turns, its own place counts little.

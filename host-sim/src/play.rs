@@ -4,15 +4,13 @@
 use crate::board;
 use crate::clip::Clip;
 use crate::files;
-use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
 use crate::rp2040js;
 use crate::servos::line::{Instantly, Line};
 use crate::servos::pins::Board;
-use crate::thumb::{self, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
-use firmware::bus::{Parts, mixed};
+use firmware::bus::BoardBuses;
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::decoder_list::SingleClip;
 use firmware::fault::Feedback;
@@ -21,16 +19,18 @@ use firmware::library::Library;
 use firmware::machine::{Machine as Puppet, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::playback::Playback;
+use puppet_file::Map;
 use servo_wire::bus::ServoBus;
 use servo_wire::dynamixel::bus::DynamixelBus;
-use servo_wire::dynamixel::client::Client;
-use servo_wire::port::{Automatic, Line as Timing, Port};
+use servo_wire::dynamixel::client::DynamixelClient;
+use servo_wire::port::{Automatic, LineConfig, Port};
 use std::cell::RefCell;
 use std::future::Future;
 use std::io;
 use std::pin::pin;
 use std::task::{Context as TaskContext, Poll, Waker};
 use std::time::Duration;
+use thumb_cycles::{Core, Image, Machine, Usage};
 
 mod recorder;
 
@@ -126,14 +126,14 @@ pub fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
 ) -> Result<impl ServoBus + use<F>> {
     let of = |kind: BusKind| map.buses().iter().find(|bus| bus.kind == kind);
     let baud = of(BusKind::Dynamixel).map_or(1, |bus| bus.baud);
-    let port = Port::new(Line::new(hear), Automatic, Instantly, Timing::uart(baud));
-    let serial = DynamixelBus::<_, _, _>::new(Client::new(port));
-    let parts = Parts {
+    let port = Port::new(Line::new(hear), Automatic, Instantly, LineConfig::uart(baud));
+    let serial = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
+    let buses = BoardBuses {
         serial: Some((BusKind::Dynamixel, serial)),
         pca9685: Some(board.pca9685()?),
         pwm: of(BusKind::Pwm).map(|spec| board.pwm(*spec)).transpose()?,
     };
-    Ok(mixed(map, parts)?)
+    Ok(buses.of_map(map)?)
 }
 
 /// Surroundings, and somebody who looks at the end of each tick.
@@ -209,9 +209,8 @@ pub fn on_sim(
 ) -> Result<(Recording, Usage)> {
     let elf = board::QEMU_MPS2.build(bytes, map, centihertz)?;
     let mut lines = Log::new(&elf)?;
-    let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
-    let mut machine =
-        Machine::new(Core::M4, &thumb::Board::mps2(), &image).map_err(|error| anyhow!(error))?;
+    let image = Image::parse(&elf)?;
+    let mut machine = Machine::new(Core::M4, &thumb_cycles::Board::mps2(), &image)?;
     let mut recorder = Recorder::new(map)?;
     let mut garbled = Ok(());
     let ended = machine.run_to_exit(
@@ -277,8 +276,8 @@ pub fn seconds(micros: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::puppet::Puppet;
     use encoder::qmd::{Method, Parameters, decode, encode};
+    use puppet_file::Puppet;
     use std::path::Path;
 
     fn sample() -> (Vec<u8>, Map, mocap::Clip) {

@@ -22,7 +22,7 @@ const WORKSPACE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     let path = variable("BUNRAKU_CLIP")
-        .unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/qmd-many-channels.qmd"));
+        .unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/v1/qmd-many-channels.qmd"));
     let bytes = read(Path::new(&path));
     let clip = Clip::parse(&bytes, Limits::MAX).unwrap_or_else(|error| panic!("{path}: {error}"));
     let table =
@@ -63,11 +63,11 @@ fn mclip(out: &Path) {
     if given.is_some() {
         println!("cargo:rustc-cfg=mclip");
     }
-    let path = given.unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/dpcm-many-channels.mclip"));
+    let path = given.unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/v1/dpcm-many-channels.mclip"));
     let bytes = read(Path::new(&path));
     let clip = mclip::Clip::parse(&bytes, Limits::MAX).unwrap_or_else(|error| panic!("{path}: {error}"));
     let needs = clip.header().needs();
-    let sizes = [("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)]
+    let sizes = [("CHANNELS", needs.channels), ("WORDS", needs.words), ("HALVES", needs.halves)]
         .map(|(name, size)| format!("/// Elements that the decoder needs.\nconst {name}: usize = {size};\n"));
     let blocks = variable("BUNRAKU_VERIFY").is_some_and(|when| when == "blocks");
     let verify = format!(

@@ -3,7 +3,8 @@
 
 use bunraku_tests::{bunraku, motion, require_target};
 use decoder_core::Limits;
-use decoder_core::mclip::{Adaptation, Clip, CodecId, EntropyId};
+use decoder_core::codec::adpcm::Adaptation;
+use decoder_core::mclip::{Clip, CodecId, EntropyId};
 use encoder::codec::CodecSettings;
 use encoder::codec::adpcm::{Adpcm, StepRule};
 use encoder::codec::dpcm::{Dpcm, Order};
@@ -11,8 +12,8 @@ use encoder::mclip::{Encoder, Encoding, Quality};
 use encoder::memory::OwnedMemory;
 use host_sim::profile::measure::Runner;
 use host_sim::profile::{mclip_images, prefix_images};
-use host_sim::thumb::Core;
 use mocap::import;
+use thumb_cycles::Core;
 
 /// Decodes on the simulated core, compares every frame, and gives the mean cycles of a frame and the worst one's.
 fn cycles(core: Core, image: &[u8], bytes: &[u8]) -> (f64, u64) {

@@ -2,11 +2,16 @@
 
 mod multipliers;
 
-use super::encode::{Allocation, CodecOption, Encode, OptionError};
-use super::scalar::{self, Coefficients, momenta, no_coefficient};
+use super::encode::{CodecOption, Encode, OptionError};
+use super::scalar::allocate::{self, Coefficients, momenta, no_coefficient};
+use super::scalar::contract::{Allocation, ScalarEncode};
+use super::scalar::encode::encode;
 use crate::error::EncodeError;
+use crate::quality::Quality;
 use crate::task::Task;
-use decoder_core::mclip::{Adaptation, Adpcm as Parameters, CodecId};
+use decoder_core::codec::Codec;
+use decoder_core::codec::adpcm::{Adaptation, Adpcm as Parameters, Prediction, Steps};
+use decoder_core::mclip::CodecId;
 use decoder_core::predict::adaptive::MAX_WINDOW;
 use decoder_core::predict::window::{LONGEST, SHORTEST};
 use decoder_core::quantise::Adaptive;
@@ -82,12 +87,17 @@ impl Adpcm {
 
     /// The parameters as a header has them, with codes of so many bits or of any.
     pub(crate) fn parameters(self, bits: Option<u8>) -> Vec<u8> {
-        let multipliers = match self.step {
-            StepRule::Fixed => StepAdaptation::STILL,
-            StepRule::Trained => bits.map_or(StepAdaptation::STILL, StepAdaptation::trained),
-            StepRule::By(multipliers) => multipliers,
+        let adaptation = match self.step {
+            StepRule::Fixed => None,
+            StepRule::Trained => bits.map(StepAdaptation::trained),
+            StepRule::By(adaptation) => Some(adaptation),
         };
-        Parameters { quantiser: multipliers.quantiser(), predictor: self.predictor }.bytes().to_vec()
+        let quantiser = adaptation.map(StepAdaptation::quantiser).filter(Adaptive::adapts);
+        let steps = quantiser.map_or(Steps::Fixed, Steps::Adaptive);
+        let prediction = self.predictor.map_or(Prediction::Fixed, Prediction::Adaptive);
+        let mut bytes = Vec::new();
+        Parameters { steps, prediction }.emit(&mut bytes);
+        bytes
     }
 
     fn coefficients(self) -> Coefficients {
@@ -109,18 +119,8 @@ impl Encode for Adpcm {
         self.step == StepRule::Fixed
     }
 
-    /// The coefficients of a channel are solved for when it is its turn.
-    fn turns(&self) -> usize {
-        self.predictor.map_or(1, |Adaptation { period, .. }| 1 << period.min(14))
-    }
-
-    fn allocate_bits(&self, task: &Task<'_>, bits: u8) -> Result<Allocation, EncodeError> {
-        scalar::allocate_bits(self, task, self.parameters(Some(bits)), bits, self.coefficients())
-    }
-
-    fn allocate_steps(&self, task: &Task<'_>, steps: &[f64]) -> Result<Allocation, EncodeError> {
-        let parameters = self.parameters(None);
-        scalar::allocate_steps(self, task, parameters, steps, self.dead_zone, self.coefficients())
+    fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError> {
+        encode(self, task, quality)
     }
 
     fn describe(&self) -> String {
@@ -178,6 +178,22 @@ impl Encode for Adpcm {
     fn curves() -> Vec<(&'static str, Self)> {
         let quantiser = Self { predictor: None, ..Self::BOTH };
         vec![("both", Self::BOTH), ("quantiser", quantiser), ("predictor", Self::default())]
+    }
+}
+
+impl ScalarEncode for Adpcm {
+    /// The coefficients of a channel are solved for when it is its turn.
+    fn turns(&self) -> usize {
+        self.predictor.map_or(1, |Adaptation { period, .. }| 1 << period.min(14))
+    }
+
+    fn allocate_bits(&self, task: &Task<'_>, bits: u8) -> Result<Allocation, EncodeError> {
+        allocate::by_bits(self, task, self.parameters(Some(bits)), bits, self.coefficients())
+    }
+
+    fn allocate_steps(&self, task: &Task<'_>, steps: &[f64]) -> Result<Allocation, EncodeError> {
+        let parameters = self.parameters(None);
+        allocate::by_steps(self, task, parameters, steps, self.dead_zone, self.coefficients())
     }
 }
 

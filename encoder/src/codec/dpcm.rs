@@ -1,8 +1,11 @@
 //! dpcm: differences to a prediction from the channel's last values, in steps of one size (7-4, 7-14).
 
-use super::encode::{Allocation, Encode};
-use super::scalar::{self, Coefficients, leaks, momenta, no_coefficient};
+use super::encode::Encode;
+use super::scalar::allocate::{self, Coefficients, leaks, momenta, no_coefficient};
+use super::scalar::contract::{Allocation, ScalarEncode};
+use super::scalar::encode::encode;
 use crate::error::EncodeError;
+use crate::quality::Quality;
 use crate::task::Task;
 use decoder_core::mclip::CodecId;
 
@@ -61,12 +64,8 @@ impl Encode for Dpcm {
         "Differences to a prediction"
     }
 
-    fn allocate_bits(&self, task: &Task<'_>, bits: u8) -> Result<Allocation, EncodeError> {
-        scalar::allocate_bits(self, task, self.parameters(), bits, self.coefficients())
-    }
-
-    fn allocate_steps(&self, task: &Task<'_>, steps: &[f64]) -> Result<Allocation, EncodeError> {
-        scalar::allocate_steps(self, task, self.parameters(), steps, self.dead_zone, self.coefficients())
+    fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError> {
+        encode(self, task, quality)
     }
 
     fn describe(&self) -> String {
@@ -85,5 +84,15 @@ impl Encode for Dpcm {
 
     fn cheaper(self) -> Vec<Self> {
         [Order::Zero, Order::First, Order::Second].map(|order| Self { order, ..self }).to_vec()
+    }
+}
+
+impl ScalarEncode for Dpcm {
+    fn allocate_bits(&self, task: &Task<'_>, bits: u8) -> Result<Allocation, EncodeError> {
+        allocate::by_bits(self, task, self.parameters(), bits, self.coefficients())
+    }
+
+    fn allocate_steps(&self, task: &Task<'_>, steps: &[f64]) -> Result<Allocation, EncodeError> {
+        allocate::by_steps(self, task, self.parameters(), steps, self.dead_zone, self.coefficients())
     }
 }

@@ -1,16 +1,16 @@
 //! What an encoder of a codec is.
 
-use crate::column::{Choice, Column};
 use crate::error::EncodeError;
+use crate::quality::Quality;
 use crate::task::Task;
-use decoder_core::mclip::{Channel, CodecId};
+use decoder_core::mclip::CodecId;
 use decoder_core::quantise::MAX_BITS;
 use std::fmt::Debug;
 
 /// A codec's settings, which know how to encode with it: the mirror of its file in `decoder-core`.
 ///
-/// It decides what a clip's header says of codec and channels. The codes follow from that: they are those that bring the
-/// decoder nearest to the motion, and [`simulate`](crate::simulate) finds them for every codec.
+/// Codecs that have a code a channel and frame implement [`ScalarEncode`](super::scalar::contract::ScalarEncode) besides, and
+/// leave [`encode`](Self::encode) to [`scalar::encode`](super::scalar::encode::encode).
 pub trait Encode: Debug + Sync {
     /// The codec in the list of codecs.
     fn id(&self) -> CodecId;
@@ -28,28 +28,12 @@ pub trait Encode: Debug + Sync {
         true
     }
 
-    /// Channels in a row that the decoder treats in turns, so that their places matter: 1 where they do not.
-    fn turns(&self) -> usize {
-        1
-    }
-
-    /// The record of a channel that is coded like this, without its name.
-    fn record(&self, column: &Column, choice: Choice) -> Channel<'static> {
-        column.record_in_steps(choice)
-    }
-
-    /// The best way to code every channel with codes of `bits` bits, from 1 to [`most_bits`](Self::most_bits).
+    /// Encodes a motion: a whole .mclip.
     ///
     /// # Errors
+    /// [`EncodeError::NoFreeSteps`] where steps are asked for unless [`has_free_steps`](Self::has_free_steps), and
     /// [`EncodeError::Refused`] where a setting is outside what the format has.
-    fn allocate_bits(&self, task: &Task<'_>, bits: u8) -> Result<Allocation, EncodeError>;
-
-    /// The best way to code every channel with steps of so many words, one for each channel.
-    ///
-    /// # Errors
-    /// [`EncodeError::NoFreeSteps`] unless [`has_free_steps`](Self::has_free_steps), and [`EncodeError::Refused`] where a
-    /// setting is outside what the format has.
-    fn allocate_steps(&self, task: &Task<'_>, steps: &[f64]) -> Result<Allocation, EncodeError>;
+    fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError>;
 
     /// What tells these settings from others of the codec, for a sentence: `second order`. May be empty.
     fn describe(&self) -> String {
@@ -94,18 +78,6 @@ pub trait Encode: Debug + Sync {
     {
         vec![self]
     }
-}
-
-/// How all channels of a clip are coded.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Allocation {
-    /// The codec's parameters, as its header has them.
-    pub parameters: Vec<u8>,
-    /// What every channel is coded like.
-    pub choices: Vec<Choice>,
-    /// How much smaller than half a step a difference counts, in 64ths of a step: rounding towards zero makes codes
-    /// smaller, and costs little where a step is coarse.
-    pub dead_zone: i32,
 }
 
 /// A setting of a codec, as a command line has it.

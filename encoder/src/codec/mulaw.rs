@@ -1,8 +1,11 @@
 //! mulaw: differences to a prediction of first order, in steps that widen with the difference by the mu-law (7-5).
 
-use super::encode::{Allocation, Encode};
-use super::scalar::{self, leaks};
+use super::encode::Encode;
+use super::scalar::allocate::{self, leaks};
+use super::scalar::contract::{Allocation, ScalarEncode};
+use super::scalar::encode::encode;
 use crate::error::EncodeError;
+use crate::quality::Quality;
 use crate::task::Task;
 use decoder_core::mclip::CodecId;
 
@@ -50,8 +53,14 @@ impl Encode for MuLaw {
         false
     }
 
+    fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError> {
+        encode(self, task, quality)
+    }
+}
+
+impl ScalarEncode for MuLaw {
     fn allocate_bits(&self, task: &Task<'_>, bits: u8) -> Result<Allocation, EncodeError> {
-        scalar::allocate_bits(self, task, self.levels(bits), bits, leaks)
+        allocate::by_bits(self, task, self.levels(bits), bits, leaks)
     }
 
     fn allocate_steps(&self, _: &Task<'_>, _: &[f64]) -> Result<Allocation, EncodeError> {

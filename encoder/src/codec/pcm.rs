@@ -1,9 +1,12 @@
 //! pcm: values in steps between the lowest and the highest value of a channel (7-4).
 
-use super::encode::{Allocation, Encode};
-use super::scalar::{is_worth_codes, rest};
+use super::encode::Encode;
+use super::scalar::allocate::{is_worth_codes, rest};
+use super::scalar::contract::{Allocation, ScalarEncode};
+use super::scalar::encode::encode;
 use crate::column::{Choice, Column};
 use crate::error::EncodeError;
+use crate::quality::Quality;
 use crate::task::Task;
 use decoder_core::mclip::{Channel, CodecId};
 use decoder_core::quantise::MAX_BITS;
@@ -19,6 +22,16 @@ impl Encode for Pcm {
 
     fn about(&self) -> &'static str {
         "Values in steps between two limits"
+    }
+
+    fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError> {
+        encode(self, task, quality)
+    }
+}
+
+impl ScalarEncode for Pcm {
+    fn has_grids(&self) -> bool {
+        true
     }
 
     fn record(&self, column: &Column, choice: Choice) -> Channel<'static> {

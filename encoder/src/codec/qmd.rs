@@ -4,12 +4,15 @@
 //! table is fitted as in [`crate::qmd`]: the loop is simulated, each level moves to the mean of the differences that
 //! chose it, and the best table met is kept.
 
-use super::encode::{Allocation, CodecOption, Encode, OptionError};
-use super::scalar::{self, no_coefficient};
+use super::encode::{CodecOption, Encode, OptionError};
+use super::scalar::allocate::{self, no_coefficient};
+use super::scalar::contract::{Allocation, ScalarEncode};
+use super::scalar::encode::encode;
+use super::scalar::simulate::{self, Coded};
 use crate::column::{Choice, Column, step_index};
 use crate::error::EncodeError;
 use crate::lloyd_max::Density;
-use crate::simulate::{self, Coded};
+use crate::quality::Quality;
 use crate::task::Task;
 use decoder_core::arithmetic::unsigned;
 use decoder_core::mclip::CodecId;
@@ -52,15 +55,8 @@ impl Encode for Qmd {
         false
     }
 
-    fn allocate_bits(&self, task: &Task<'_>, bits: u8) -> Result<Allocation, EncodeError> {
-        match self.density {
-            Some(density) => by_density(self, task, density, bits),
-            None => fitted(self, task, bits),
-        }
-    }
-
-    fn allocate_steps(&self, _: &Task<'_>, _: &[f64]) -> Result<Allocation, EncodeError> {
-        Err(EncodeError::NoFreeSteps { codec: self.id().name() })
+    fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError> {
+        encode(self, task, quality)
     }
 
     fn options(&self) -> &'static [CodecOption] {
@@ -92,6 +88,19 @@ impl Encode for Qmd {
     }
 }
 
+impl ScalarEncode for Qmd {
+    fn allocate_bits(&self, task: &Task<'_>, bits: u8) -> Result<Allocation, EncodeError> {
+        match self.density {
+            Some(density) => by_density(self, task, density, bits),
+            None => fitted(self, task, bits),
+        }
+    }
+
+    fn allocate_steps(&self, _: &Task<'_>, _: &[f64]) -> Result<Allocation, EncodeError> {
+        Err(EncodeError::NoFreeSteps { codec: self.id().name() })
+    }
+}
+
 const LEVELS: CodecOption = CodecOption {
     name: "levels",
     value_name: "LEVELS",
@@ -109,7 +118,7 @@ fn by_density(codec: &Qmd, task: &Task<'_>, density: Density, bits: u8) -> Resul
     // An even number of levels has none for 0, which a channel at rest needs.
     let attempt = |count: usize| -> Result<(f64, Allocation), EncodeError> {
         let table = bytes_of(&density.levels(count));
-        let allocation = scalar::allocate_bits(codec, task, table, bits, no_coefficient)?;
+        let allocation = allocate::by_bits(codec, task, table, bits, no_coefficient)?;
         let coded = simulate::clip(codec, task, &allocation)?;
         Ok((task.motion.weighted_error(&coded.decoded), allocation))
     };

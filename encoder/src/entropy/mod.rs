@@ -1,3 +1,4 @@
-//! Tables of entropy stages: one file a stage that has some.
+//! What writes the codes that the decoder's entropy stages read.
 
+pub(crate) mod coder;
 pub(crate) mod huffman;

@@ -1,15 +1,10 @@
 //! Encodes a motion with a codec, an entropy stage and a quality.
 
-use super::writer;
 use crate::codec::CodecSettings;
-use crate::column::Choice;
 use crate::error::EncodeError;
-use crate::memory::OwnedMemory;
-use crate::simulate::Outline;
+use crate::quality::Quality;
 use crate::task::{Channels, Task};
-use decoder_core::Limits;
-use decoder_core::entropy::fixed_width::OCTET;
-use decoder_core::mclip::{Clip, CodecId, EntropyId};
+use decoder_core::mclip::{CodecId, EntropyId};
 use mocap::motion::Motion;
 use mocap::skeleton::Skeleton;
 
@@ -56,19 +51,6 @@ impl Encoding {
     }
 }
 
-/// How fine steps are.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Quality {
-    /// Every channel has codes of so many bits, 1 to [`Encoding::most_bits`], and its best step.
-    Bits(u8),
-    /// The displacement in cm, root of the sum of squares over the joints, that one step of a channel makes. For
-    /// codecs whose steps are free: [`Encoding::has_free_steps`].
-    Step(f64),
-    /// The step of every channel in its own unit, degrees or centimetres: what has the most PSNR for its bits. For the
-    /// same codecs.
-    Even(f64),
-}
-
 /// A motion made ready to be encoded many times.
 #[derive(Clone, Debug)]
 pub struct Encoder<'m> {
@@ -87,62 +69,18 @@ impl<'m> Encoder<'m> {
         &self.motion
     }
 
-    /// The motion as a codec takes it.
-    pub(crate) const fn task(&self, entry_frames: usize) -> Task<'_> {
-        Task { motion: &self.motion, entry_frames }
-    }
-
     /// Encodes, in the smallest entropy stage unless one is given.
     ///
     /// # Errors
     /// [`EncodeError::NoFreeSteps`] where the codec has no steps to choose, and [`EncodeError::Refused`] where a setting is
     /// outside what the format has.
     pub fn encode(&self, encoding: &Encoding, quality: Quality) -> Result<Vec<u8>, EncodeError> {
-        let codec = encoding.codec.encoder();
-        let task = self.task(encoding.entry_frames);
-        let mut allocation = match quality {
-            Quality::Bits(bits) => codec.allocate_bits(&task, bits.clamp(1, codec.most_bits())),
-            Quality::Step(cm) => codec.allocate_steps(&task, &self.motion.steps(cm)),
-            Quality::Even(step) => {
-                codec.allocate_steps(&task, &vec![65536.0 * step; self.motion.columns.len()])
-            }
-        }?;
-        if encoding.entropy == Some(EntropyId::FixedWidth) {
-            level(&mut allocation.choices);
-        }
-        let outline = Outline::of_clip(codec, &task, &allocation);
-        let coded = outline.simulate(&self.motion.source.targets, allocation.dead_zone)?;
-        let stages = encoding.entropy.map_or(EntropyId::ALL.to_vec(), |entropy| vec![entropy]);
-        let clips =
-            stages.into_iter().map(|entropy| writer::write(&outline, &coded, entropy, encoding.block_bytes));
-        Ok(clips.min_by_key(Vec::len).unwrap_or_default())
+        encoding.codec.encoder().encode(&self.task(encoding), quality)
     }
-}
 
-/// Gives channels at rest codes too, where all others of their octet have codes of one width: a decoder takes the codes of
-/// equal octets several times as fast.
-fn level(choices: &mut [Choice]) {
-    for octet in choices.chunks_mut(OCTET) {
-        let width = octet.iter().map(|choice| choice.bits).max().unwrap_or(0);
-        if octet.iter().all(|choice| choice.bits == 0 || choice.bits == width) {
-            octet.iter_mut().for_each(|choice| choice.bits = width);
-        }
+    /// What a codec is to do for an encoding.
+    pub(crate) const fn task(&self, encoding: &Encoding) -> Task<'_> {
+        let &Encoding { entropy, block_bytes, entry_frames, .. } = encoding;
+        Task { motion: &self.motion, entropy, block_bytes, entry_frames }
     }
-}
-
-/// Decodes a whole clip with the decoder's own code. Values are in degrees and centimetres, angles continuous.
-///
-/// # Errors
-/// As [`Clip::parse`] and [`Decoder::next_frame`](decoder_core::mclip::Decoder::next_frame).
-pub fn decode(bytes: &[u8]) -> Result<Motion, decoder_core::Error> {
-    let clip = Clip::parse(bytes, Limits::MAX)?;
-    let opening = clip.header().opening();
-    let fps = f64::from(opening.rate_numerator) / f64::from(opening.rate_denominator);
-    let mut memory = OwnedMemory::new(clip.header().needs());
-    let mut decoder = clip.decoder(memory.lend())?;
-    let mut samples = Vec::new();
-    while let Some(pose) = decoder.next_frame()? {
-        samples.extend(pose.iter().map(|value| value.to_num::<f64>()));
-    }
-    Ok(Motion { fps, channels: clip.channels(), samples })
 }

@@ -2,17 +2,19 @@
 //!
 //! Source: the waveform-coding document, sections 7.2 to 7.6. The bytes are in docs/FORMAT.md, "mclip".
 //!
-//! Every codec runs the decoder's own loop ([`crate::simulate`]), so predictions and steps are
+//! Every codec runs the decoder's own loop ([`crate::codec::scalar::simulate`]), so predictions and steps are
 //! the decoder's to the last bit, and errors do not add up. Channels get steps in inverse proportion to how far they
 //! move the joints, so that an error costs the same wherever it is made.
 
+pub(crate) mod blocks;
+mod decode;
 pub mod encoder;
 pub(crate) mod header;
-mod record;
 mod search;
-mod writer;
 
-pub use encoder::{Encoder, Encoding, Quality, decode};
+pub use crate::quality::Quality;
+pub use decode::decode;
+pub use encoder::{Encoder, Encoding};
 pub use header::certify;
 pub use search::{Encoded, Target};
 
@@ -21,13 +23,14 @@ mod tests {
     use super::*;
     use crate::codec::CodecSettings;
     use crate::codec::adpcm::Adpcm;
-    use crate::codec::encode::Encode;
+    use crate::codec::scalar::contract::ScalarEncode;
+    use crate::codec::scalar::simulate;
     use crate::error::EncodeError;
     use crate::memory::OwnedMemory;
-    use crate::simulate;
     use crate::task::LEVER_CM;
     use decoder_core::Limits;
-    use decoder_core::mclip::{Adaptation, Clip, CodecId, EntropyId, Receiver, Stream};
+    use decoder_core::codec::adpcm::Adaptation;
+    use decoder_core::mclip::{Clip, CodecId, EntropyId, Receiver, Stream};
     use mocap::metrics::Evaluator;
     use mocap::sample;
 
@@ -79,7 +82,7 @@ mod tests {
         }
         let header = receiver.finish(Limits::MAX).unwrap();
         let mut memory = OwnedMemory::new(header.needs());
-        let mut block = vec![0; usize::from(header.opening().block_bytes).max(12)];
+        let mut block = vec![0; usize::from(header.fields().block_bytes).max(12)];
         let mut stream = Stream::new(header, memory.lend(), &mut block).unwrap();
         let mut samples = Vec::new();
         loop {
@@ -124,7 +127,7 @@ mod tests {
             let bytes = encoder.encode(&encoding, Quality::Bits(5)).unwrap();
             let played = decode(&bytes).unwrap();
             let parsed = Clip::parse(&bytes, Limits::MAX).unwrap();
-            assert_eq!(parsed.entries(), 5, "480 frames, an entry point every 100");
+            assert_eq!(parsed.entry_count(), 5, "480 frames, an entry point every 100");
             let mut memory = OwnedMemory::new(parsed.header().needs());
             let mut decoder = parsed.decoder(memory.lend()).unwrap();
             for frame in [479, 0, 100, 99, 250, 251, 255, 3, 400, 399] {
@@ -155,7 +158,7 @@ mod tests {
     fn a_channel_is_tried_as_the_clip_will_have_it() {
         let clip = sample::clip();
         let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
-        let task = encoder.task(encoder::ENTRY_FRAMES);
+        let task = encoder.task(&Encoding::of(Adpcm::default()));
         let allocation = Adpcm::default().allocate_bits(&task, 6).unwrap();
         let coded = simulate::clip(&Adpcm::default(), &task, &allocation).unwrap();
         let (channels, parameters) = (task.motion.columns.len(), &allocation.parameters);

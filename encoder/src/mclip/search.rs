@@ -1,7 +1,9 @@
 //! Finds the quality that a person asks for.
 
-use super::encoder::{Encoder, Encoding, Quality, decode};
+use super::decode::decode;
+use super::encoder::{Encoder, Encoding};
 use crate::error::EncodeError;
+use crate::quality::Quality;
 use mocap::metrics::Evaluator;
 
 /// What a clip should come to.

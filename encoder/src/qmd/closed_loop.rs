@@ -13,7 +13,7 @@
 use super::parameters::Parameters;
 use super::writer::{Coded, Segment};
 use crate::source::Source;
-use decoder_core::float::fixed_from_f32_bits;
+use decoder_core::word::fixed_from_f32_bits;
 use std::ops::Range;
 
 /// Rounds of Lloyd's iteration.

@@ -5,7 +5,6 @@ mod lines;
 pub use lines::{Lines, Listener};
 
 use crate::flash::Flash;
-use crate::puppet::Map;
 use crate::servos::line::{Instantly, Line};
 use crate::servos::{Bus, BusConfig, ServoConfig};
 use anyhow::{Context, Result, anyhow, bail};
@@ -20,8 +19,9 @@ use firmware::machine::{Machine, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
-use servo_wire::dynamixel::{Client, DynamixelBus};
-use servo_wire::port::{Automatic, Line as Timing, Port};
+use puppet_file::Map;
+use servo_wire::dynamixel::{DynamixelBus, DynamixelClient};
+use servo_wire::port::{Automatic, LineConfig, Port};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -87,8 +87,8 @@ pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> b
     let power_on = Instant::now();
     let line = Line::new(|bytes: &[u8]| servos.receive(bytes, micros(power_on.elapsed()), &mut |_| ()));
     let baud = map.buses().first().map_or(0, |bus| bus.baud);
-    let port = Port::new(line, Automatic, Instantly, Timing::uart(baud));
-    let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
+    let port = Port::new(line, Automatic, Instantly, LineConfig::uart(baud));
+    let mut bus = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
 
     let live = live(config);
     let clips = Clips::new(&[], Some(store(config)?), live, [worker(live), worker(live)]);
@@ -143,7 +143,7 @@ fn store(config: &Config) -> Result<Store<Flash<SECTOR>>> {
     let sector = SECTOR as u32;
     let end = u32::try_from(sectors * SECTOR).context("the flash is larger than 4 GiB")?;
     let layout = Layout { directory: [0, sector], clips: 2 * sector..end };
-    let capacity = Needs { channels: CHANNELS, correlations: CHANNELS, words: WORDS };
+    let capacity = Needs { channels: CHANNELS, words: 4 * CHANNELS, halves: WORDS };
     Ok(Store::mount(flash, layout, capacity)?)
 }
 

@@ -12,7 +12,8 @@
 use super::Named;
 use anyhow::{Context, Result};
 use decoder_core::Limits;
-use decoder_core::mclip::{Adaptation, BLOCK_HEADER_BYTES, Clip, CodecId, EntropyId};
+use decoder_core::codec::adpcm::Adaptation;
+use decoder_core::mclip::{BLOCK_HEADER_BYTES, Clip, CodecId, EntropyId};
 use encoder::codec::CodecSettings;
 use encoder::codec::adpcm::Adpcm;
 use encoder::codec::dpcm::{Dpcm, Order};
@@ -201,5 +202,5 @@ fn by_bits(attempt: impl Fn(Quality) -> Result<Tried>, db: f64, most: u8) -> Res
 /// Bytes of the blocks' codes, without their headers.
 fn code_bytes(bytes: &[u8]) -> Result<u64> {
     let clip = Clip::parse(bytes, Limits::MAX)?;
-    Ok((bytes.len() - clip.header_bytes() - clip.blocks() as usize * BLOCK_HEADER_BYTES) as u64)
+    Ok((bytes.len() - clip.header_bytes() - clip.block_count() as usize * BLOCK_HEADER_BYTES) as u64)
 }
