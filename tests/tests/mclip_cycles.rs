@@ -11,12 +11,12 @@ use encoder::codec::dpcm::{Dpcm, Order};
 use encoder::mclip::{Encoder, Encoding, Quality};
 use encoder::memory::OwnedMemory;
 use host_sim::profile::measure::Runner;
-use host_sim::profile::{mclip_images, prefix_images};
+use host_sim::profile::{LoadedImage, mclip_images, prefix_images};
 use mocap::import;
 use thumb_cycles::Core;
 
 /// Decodes on the simulated core, compares every frame, and gives the mean cycles of a frame and the worst one's.
-fn cycles(core: Core, image: &[u8], bytes: &[u8]) -> (f64, u64) {
+fn cycles(core: Core, image: &LoadedImage, bytes: &[u8]) -> (f64, u64) {
     let clip = Clip::parse(bytes, Limits::MAX).unwrap();
     let mut memory = OwnedMemory::new(clip.header().needs());
     let mut decoder = clip.decoder(memory.lend()).unwrap();
