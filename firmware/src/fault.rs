@@ -11,10 +11,9 @@ use crate::map::Settings;
 use core::fmt;
 use decoder_core::Error;
 use heapless::Vec;
-use serde::{Deserialize, Serialize};
 
 /// A fault. Servos are numbered as in the joint map, from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Fault {

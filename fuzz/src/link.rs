@@ -2,9 +2,11 @@
 
 use crate::Random;
 use firmware::clock::Speed;
+use firmware::link::cobs_writer::CobsWriter;
 use firmware::link::frame::{Deframer, OVERHEAD, wire_len, write};
 use firmware::link::message::{ANSWER_BYTES, Answer, REQUEST_BYTES, Refusal, Request, Response, VERSION};
 use firmware::link::session::Session;
+use firmware::link::wire::{Encode, decode_all};
 use firmware::machine::Command;
 use firmware::store::StoreError;
 
@@ -32,9 +34,11 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let frames =
         |requests: &[Request<'_>]| (0..).zip(requests).flat_map(|(n, request)| frame(n, request)).collect();
     let message = |request: &Request<'_>| {
-        let mut buffer = [0; REQUEST_BYTES];
-        let message = postcard::to_slice(request, &mut buffer).unwrap_or_else(|error| panic!("{error}"));
-        [&[message.len().min(255) as u8], &*message].concat()
+        let bytes = frame(0, request);
+        let mut deframer = Deframer::<{ REQUEST_BYTES + OVERHEAD }>::new();
+        let read = deframer.feed(&mut bytes.as_slice()).and_then(Result::ok);
+        let message = read.map_or(&[][..], |frame| frame.message);
+        [&[message.len().min(255) as u8], message].concat()
     };
     let short = requests.iter().filter(|request| !matches!(request, Request::Packet { .. }));
     vec![frames(&requests), frames(&requests[..6]), short.flat_map(message).collect()]
@@ -72,12 +76,9 @@ pub fn check(bytes: &[u8]) -> bool {
 /// Bytes as they are.
 struct Raw<'a>(&'a [u8]);
 
-impl serde::Serialize for Raw<'_> {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        use serde::ser::SerializeTuple;
-        let mut tuple = serializer.serialize_tuple(self.0.len())?;
-        self.0.iter().try_for_each(|byte| tuple.serialize_element(byte))?;
-        tuple.end()
+impl Encode for Raw<'_> {
+    fn encode(&self, out: &mut CobsWriter<'_>) {
+        self.0.iter().for_each(|&byte| out.put(byte));
     }
 }
 
@@ -104,7 +105,7 @@ fn serve(chunks: &[&[u8]]) -> (Vec<String>, Vec<String>) {
             while let Some(frame) = reply.feed(&mut outgoing) {
                 let frame = frame.unwrap_or_else(|error| panic!("{error}"));
                 let answer: Answer =
-                    postcard::from_bytes(frame.message).unwrap_or_else(|error| panic!("{error}"));
+                    decode_all(frame.message).unwrap_or_else(|| panic!("an answer is none"));
                 answers.push(format!("{} {answer:?}", frame.sequence));
             }
         }
@@ -120,6 +121,6 @@ fn again(request: &Request<'_>) {
     let mut rest = bytes.as_slice();
     let read = deframer.feed(&mut rest).map(|frame| frame.unwrap_or_else(|error| panic!("{error}")));
     let message = read.map_or(&[][..], |frame| frame.message);
-    let read: Request<'_> = postcard::from_bytes(message).unwrap_or_else(|error| panic!("{error}"));
+    let read: Request<'_> = decode_all(message).unwrap_or_else(|| panic!("a request is none"));
     assert_eq!(&read, request);
 }
