@@ -49,7 +49,7 @@ fn parts(bytes: &[u8]) -> (CodecId, EntropyId, &[u8]) {
 
 #[test]
 fn a_clip_that_needs_what_is_not_linked_is_refused_by_name() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/vectors");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/vectors/v1");
     let mut vectors = 0;
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();

@@ -1,10 +1,10 @@
 //! Carries out a machine's plans on a servo bus, tick by tick.
 
-use crate::bus::{Reading, ServoBus};
 use crate::fault::Feedback;
 use crate::library::Library;
 use crate::machine::{Action, Machine, State};
 use heapless::Vec;
+use servo_wire::bus::{Reading, ServoBus};
 
 /// What surrounds a puppet: its clock, those who command it, and the controller's watchdog.
 #[allow(async_fn_in_trait, reason = "one task drives the puppet; nothing needs these futures to be Send")]
@@ -61,7 +61,7 @@ where
     }
 }
 
-async fn act<B: ServoBus>(bus: &mut B, ids: &[u8], action: Action) -> Result<(), crate::bus::BusError> {
+async fn act<B: ServoBus>(bus: &mut B, ids: &[u8], action: Action) -> Result<(), servo_wire::bus::BusError> {
     match action {
         Action::Ping { servo } => bus.ping(ids, servo).await,
         Action::TorqueOn { servo } => bus.set_torque(ids, servo, true).await,
@@ -76,7 +76,7 @@ async fn act<B: ServoBus>(bus: &mut B, ids: &[u8], action: Action) -> Result<(),
         Action::Reboot { servo } => bus.reboot(ids, servo).await,
         Action::Watchdog { millis } => match bus.set_watchdog(ids, millis).await {
             // Hobby servos have none.
-            Err(crate::bus::BusError::Unsupported) => Ok(()),
+            Err(servo_wire::bus::BusError::Unsupported) => Ok(()),
             result => result,
         },
     }
@@ -85,13 +85,13 @@ async fn act<B: ServoBus>(bus: &mut B, ids: &[u8], action: Action) -> Result<(),
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bus::{BusError, Goal};
     use crate::machine::test_puppet::{FormulaClips, SERVOS, map};
     use crate::machine::{Show, Start};
     use crate::map::Settings;
     use core::future::Future;
     use core::pin::pin;
     use core::task::{Context, Poll, Waker};
+    use servo_wire::bus::{BusError, Goal};
 
     fn ready<T>(future: impl Future<Output = T>) -> T {
         match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {

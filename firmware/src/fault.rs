@@ -3,14 +3,14 @@
 //! A fault latches: the puppet stays in the state that its [`Policy`](crate::map::Policy) names until someone
 //! acknowledges. docs/SAFETY.md lists each with the time that it takes and the test that shows it.
 
-use crate::bus::{
-    BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE,
-    ERROR_WATCHDOG, Reading,
-};
 use crate::map::Settings;
 use core::fmt;
 use decoder_core::Error;
 use heapless::Vec;
+use servo_wire::bus::{
+    BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE,
+    ERROR_WATCHDOG, Reading,
+};
 
 /// A fault. Servos are numbered as in the joint map, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

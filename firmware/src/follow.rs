@@ -1,15 +1,15 @@
-//! Follows goals that somebody sends live, as the Blender Servo Animation add-on does ([`blender`](crate::blender)).
+//! Follows goals that somebody sends live, as the Blender Servo Animation add-on does ([`blender`](servo_wire::blender)).
 //!
 //! What comes is the pose of a clip without an end, one frame a tick, on a map on which each joint follows its own goal
 //! ([`goal_map`]). So all that holds for clips holds here: servos are found, turned on where they are, and eased to the first pose; range,
 //! velocity and acceleration are limited behind whatever comes.
 
-use crate::blender::Parser;
 use crate::frames::Frames;
 use crate::map::{Joint, JointMap, MapError};
 use core::cell::RefCell;
 use decoder_core::{Error, I16F16};
 use heapless::Vec;
+use servo_wire::blender::Parser;
 
 /// The map on which joint `n` follows channel `n`, whose values are goals counted from the joint's `zero`.
 ///
@@ -151,12 +151,12 @@ impl<const N: usize> Frames for Poses<'_, '_, N> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::blender::frame;
-    use crate::bus::{Goal, Reading};
     use crate::decoder_list::SingleClip;
     use crate::fault::{Fault, Feedback};
     use crate::machine::{Action, Command, Machine, Show, Start, State};
     use crate::map::{BusKind, BusSpec, Idle, Settings};
+    use servo_wire::blender::frame;
+    use servo_wire::bus::{Goal, Reading};
 
     const SPEED: i32 = 30 << 10;
     const ACCELERATION: i32 = 3 << 10;

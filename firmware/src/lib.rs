@@ -4,16 +4,13 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
-pub mod blender;
 pub mod bus;
 pub mod clips;
 pub mod clock;
 pub mod control_loop;
 pub mod decoder_list;
 pub mod device;
-pub mod dynamixel;
 pub mod fault;
-pub mod feetech;
 pub mod follow;
 pub mod frames;
 pub mod idle;
@@ -24,11 +21,8 @@ pub mod link;
 pub mod machine;
 pub mod map;
 pub mod mixer;
-pub mod pca9685;
 pub mod play_error;
 pub mod playback;
-pub mod protocol1;
-pub mod pwm;
 pub mod script;
 pub mod sender;
 pub mod show;

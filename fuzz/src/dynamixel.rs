@@ -1,8 +1,8 @@
 //! Bytes on the servo bus.
 
 use crate::Random;
-use firmware::dynamixel::packet::max_packet_len;
-use firmware::dynamixel::{FrameError, Framer, Instruction, PacketWriter};
+use servo_wire::dynamixel::packet::max_packet_len;
+use servo_wire::dynamixel::{FrameError, Framer, Instruction, PacketWriter};
 
 /// Bytes that the framer holds: little, so that packets are too long for it too.
 const HOLDS: usize = 96;
@@ -48,7 +48,7 @@ pub fn check(bytes: &[u8]) -> bool {
 /// All packets and errors of a stream, which then ends.
 fn read(chunks: &[&[u8]]) -> (Vec<Packet>, Vec<FrameError>) {
     let (mut packets, mut errors) = (Vec::new(), Vec::new());
-    let mut sort = |event: Result<firmware::dynamixel::Packet<'_>, FrameError>| match event {
+    let mut sort = |event: Result<servo_wire::dynamixel::Packet<'_>, FrameError>| match event {
         Ok(packet) => {
             if let Some(status) = packet.status() {
                 assert_eq!(packet.parameters.first(), Some(&status.error));

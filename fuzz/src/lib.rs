@@ -45,7 +45,7 @@ pub const TARGETS: [Target; 7] = [
 
 /// The golden vectors that a list of hashes names.
 fn vectors(list: &str) -> Vec<Vec<u8>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/vectors");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/vectors/v1");
     let read = |name: &str| {
         let path = folder.join(name);
         fs::read(&path).unwrap_or_else(|error| panic!("cannot read {}: {error}", path.display()))

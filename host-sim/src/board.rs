@@ -7,8 +7,8 @@ use crate::puppet::{self, Map};
 use crate::servos::pins::PWM_PINS;
 use anyhow::{Result, anyhow, bail};
 use firmware::map::BusKind;
-use firmware::pwm::Timing;
 use serde::Serialize;
+use servo_wire::pwm::Timing;
 
 /// QEMU's name of the board `qemu-mps2`.
 pub const QEMU_MACHINE: &str = "mps2-an386";

@@ -20,5 +20,4 @@ pub mod rd;
 pub mod rp2040js;
 pub mod servos;
 pub mod show;
-pub mod thumb;
 pub mod within;

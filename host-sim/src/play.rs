@@ -10,27 +10,27 @@ use crate::qemu_log::Log;
 use crate::rp2040js;
 use crate::servos::line::{Instantly, Line};
 use crate::servos::pins::Board;
-use crate::thumb::{self, Core, Image, Machine, Usage};
 use anyhow::{Context, Result, anyhow, bail};
-use firmware::bus::ServoBus;
-use firmware::bus::mixed::{Parts, mixed};
-use firmware::bus::port::{Automatic, Line as Timing, Port};
+use firmware::bus::{Parts, mixed};
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::decoder_list::SingleClip;
-use firmware::dynamixel::bus::DynamixelBus;
-use firmware::dynamixel::client::Client;
 use firmware::fault::Feedback;
 use firmware::frames::Frames;
 use firmware::library::Library;
 use firmware::machine::{Machine as Puppet, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::playback::Playback;
+use servo_wire::bus::ServoBus;
+use servo_wire::dynamixel::bus::DynamixelBus;
+use servo_wire::dynamixel::client::Client;
+use servo_wire::port::{Automatic, Line as Timing, Port};
 use std::cell::RefCell;
 use std::future::Future;
 use std::io;
 use std::pin::pin;
 use std::task::{Context as TaskContext, Poll, Waker};
 use std::time::Duration;
+use thumb_cycles::{Core, Image, Machine, Usage};
 
 mod recorder;
 
@@ -209,9 +209,8 @@ pub fn on_sim(
 ) -> Result<(Recording, Usage)> {
     let elf = board::QEMU_MPS2.build(bytes, map, centihertz)?;
     let mut lines = Log::new(&elf)?;
-    let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
-    let mut machine =
-        Machine::new(Core::M4, &thumb::Board::mps2(), &image).map_err(|error| anyhow!(error))?;
+    let image = Image::parse(&elf)?;
+    let mut machine = Machine::new(Core::M4, &thumb_cycles::Board::mps2(), &image)?;
     let mut recorder = Recorder::new(map)?;
     let mut garbled = Ok(());
     let ended = machine.run_to_exit(

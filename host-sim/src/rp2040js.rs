@@ -4,12 +4,12 @@
 
 use crate::qemu_log::Log;
 use crate::servos::pins::Pins;
-use crate::thumb::{Board, Image, Memory};
 use anyhow::{Context, Result, anyhow, bail};
 use std::io::{ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
+use thumb_cycles::{Board, Image, Memory};
 
 /// What Node.js runs.
 const SCRIPT: &str = include_str!("rp2040js.mjs");
@@ -75,11 +75,11 @@ pub fn run(
     if !package.join("package.json").is_file() {
         bail!("{} is not the npm package rp2040js: run `cargo xtask setup`", package.display());
     }
-    let image = Image::parse(elf).map_err(|error| anyhow!(error))?;
+    let image = Image::parse(elf)?;
     let rtt =
         image.symbol("_SEGGER_RTT").ok_or_else(|| anyhow!("the image has no log: no symbol _SEGGER_RTT"))?;
-    let mut memory = Memory::new(Board::rp2040().regions).map_err(|error| anyhow!(error))?;
-    image.load(&mut memory).map_err(|error| anyhow!(error))?;
+    let mut memory = Memory::new(Board::rp2040().regions)?;
+    image.load_into(&mut memory)?;
     let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
     let (flash, script) = (folder.path().join("flash.bin"), folder.path().join("rp2040js.mjs"));
     let bytes = memory.bytes(FLASH, IMAGE_BYTES).ok_or_else(|| anyhow!("the board has no flash"))?;

@@ -2,13 +2,13 @@
 
 use crate::clip::Clip;
 use crate::profile::{self, measure};
-use crate::thumb::Core;
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::mclip::{Encoded, Encoder, Predictor, Quality, Settings, Target, certify};
 use mocap::metrics::Evaluator;
 use std::path::Path;
 use std::str::FromStr;
+use thumb_cycles::Core;
 
 /// Most cycles that a frame may take on a core, the flash without wait states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,6 +97,21 @@ pub fn name(settings: &Settings) -> String {
     format!("{}{predictor}{step}, {entropy}", settings.codec.name())
 }
 
+/// The cores that the header of a .mclip can name, each at its number (docs/FORMAT.md, "Header").
+const HEADER_CORES: [Core; 7] =
+    [Core::M0, Core::M0Plus, Core::M0PlusSlow, Core::M3, Core::M4, Core::M33, Core::M7];
+
+/// The number of a core in the header of a .mclip.
+pub fn header_number(core: Core) -> Option<u8> {
+    let place = HEADER_CORES.into_iter().position(|other| other == core)?;
+    u8::try_from(place).ok()
+}
+
+/// The core that has a number in the header of a .mclip.
+pub fn header_core(number: u8) -> Option<Core> {
+    HEADER_CORES.get(usize::from(number)).copied()
+}
+
 /// Encodes with every candidate, and gives the best clip whose most expensive frame is within the limit: clips are run on
 /// the simulated core from the best on, until one is. `progress` is told what is being done.
 ///
@@ -162,7 +177,8 @@ fn reaches(encoder: &Encoder<'_>, encoded: &Encoded, goal: Goal) -> bool {
 
 /// The clip with the cycles of its most expensive frame in its header, and these cycles.
 fn certified(bytes: &[u8], core: Core) -> Result<(Vec<u8>, u64)> {
-    let number = core.number().ok_or_else(|| anyhow!("{} is no core of a clip's header", core.name()))?;
+    let number =
+        header_number(core).ok_or_else(|| anyhow!("{} is no core of a clip's header", core.name()))?;
     // Counted with room for the number, so that every byte is where it will be.
     let cycles = worst_frame(&certify(bytes, &[(number, 0)])?, core)?;
     Ok((certify(bytes, &[(number, u32::try_from(cycles)?)])?, cycles))

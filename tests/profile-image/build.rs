@@ -22,7 +22,7 @@ const WORKSPACE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     let path = variable("BUNRAKU_CLIP")
-        .unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/qmd-many-channels.qmd"));
+        .unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/v1/qmd-many-channels.qmd"));
     let bytes = read(Path::new(&path));
     let clip = Clip::parse(&bytes, Limits::MAX).unwrap_or_else(|error| panic!("{path}: {error}"));
     let table =
@@ -63,7 +63,7 @@ fn mclip(out: &Path) {
     if given.is_some() {
         println!("cargo:rustc-cfg=mclip");
     }
-    let path = given.unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/dpcm-many-channels.mclip"));
+    let path = given.unwrap_or_else(|| format!("{WORKSPACE}/tests/vectors/v1/dpcm-many-channels.mclip"));
     let bytes = read(Path::new(&path));
     let clip = mclip::Clip::parse(&bytes, Limits::MAX).unwrap_or_else(|error| panic!("{path}: {error}"));
     let needs = clip.header().needs();

@@ -5,7 +5,6 @@ use bunraku_tests::live::{Space, clips, with_clips};
 use bunraku_tests::{mclip, vectors};
 use decoder_core::mclip::checksum;
 use decoder_core::{Error, I16F16};
-use firmware::bus::{Goal, Reading};
 use firmware::clips::{Clips, LIVE};
 use firmware::fault::{Fault, Feedback};
 use firmware::frames::Frames;
@@ -15,6 +14,7 @@ use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, Settings};
 use firmware::play_error::PlayError;
 use firmware::store::{Layout, Status, Store};
 use host_sim::flash::Flash;
+use servo_wire::bus::{Goal, Reading};
 use sha2::{Digest, Sha256};
 
 fn leak(bytes: &[u8]) -> &'static [u8] {

@@ -4,7 +4,7 @@
 use bunraku_fuzz::Random;
 use bunraku_fuzz::mclip::repair;
 use bunraku_tests::mclip::{LIST, MCLIP_LIMITS, all, sha256_in_place, sha256_of_stream};
-use bunraku_tests::{skip, vectors};
+use bunraku_tests::{skip, vectors, workspace};
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, Clip, Prefix, Receiver, Stream};
 use decoder_core::{Error, Field};
 use encoder::mclip::Lent;
@@ -24,7 +24,7 @@ fn every_way_to_decode_gives_the_golden_frames() {
 #[test]
 fn the_reference_decoder_gives_the_golden_frames() {
     let mut command = Command::new("python3");
-    command.arg(vectors::folder().join("mclip.py")).arg("hash");
+    command.arg(workspace().join("tests/vectors/mclip.py")).arg("hash");
     for vector in all() {
         command.arg(vectors::folder().join(&vector.name));
     }

@@ -7,8 +7,8 @@ use decoder_core::mclip::{Clip, CodecId, EntropyId};
 use encoder::mclip::{Encoder, Lent, Predictor, Quality, Settings};
 use host_sim::profile::measure::Runner;
 use host_sim::profile::{mclip_images, prefix_images};
-use host_sim::thumb::Core;
 use mocap::import;
+use thumb_cycles::Core;
 
 /// Decodes on the simulated core, compares every frame, and gives the mean cycles of a frame and the worst one's.
 fn cycles(core: Core, image: &[u8], bytes: &[u8]) -> (f64, u64) {

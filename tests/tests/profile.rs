@@ -7,10 +7,10 @@ use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, MAX_SERVOS, Setting
 use host_sim::clip::Clip;
 use host_sim::profile::measure::Runner;
 use host_sim::profile::{tick_images, ticks};
-use host_sim::thumb::Core;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Output;
+use thumb_cycles::Core;
 
 /// Cores of the baseline, and the targets that their images take.
 const CORES: &str = "cortex-m0plus,cortex-m3,cortex-m4,cortex-m33";
@@ -112,7 +112,7 @@ fn a_baseline_of_another_clip_is_refused() {
     if !require_target("thumbv7em-none-eabi") {
         return;
     }
-    let vector = workspace().join("tests/vectors/qmd-segments.qmd");
+    let vector = workspace().join("tests/vectors/v1/qmd-segments.qmd");
     let arguments = ["--core", "cortex-m4", "--rate", "60", "--baseline"];
     let mut all = vec![vector.to_str().unwrap()];
     let baseline = baseline();
@@ -259,7 +259,7 @@ fn a_clip_in_blocks_is_profiled_too() {
     if !require_target("thumbv7em-none-eabi") {
         return;
     }
-    let vector = workspace().join("tests/vectors/dpcm-many-channels.mclip");
+    let vector = workspace().join("tests/vectors/v1/dpcm-many-channels.mclip");
     let vector = vector.to_str().unwrap();
     let output = profile(&[vector, "--core", "cortex-m4", "--json"], 0);
     let core = core(&output);

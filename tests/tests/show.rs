@@ -209,9 +209,9 @@ fn struck(fault: usize, from_servo: bool, packet: &[u8]) -> Vec<u8> {
         // A servo refuses.
         _ if from_servo && packet[4] != 0xfe => {
             let mut buffer = [0; 32];
-            let instruction = firmware::dynamixel::Instruction::Status;
+            let instruction = servo_wire::dynamixel::Instruction::Status;
             let mut writer =
-                firmware::dynamixel::PacketWriter::new(&mut buffer, packet[4], instruction).unwrap();
+                servo_wire::dynamixel::PacketWriter::new(&mut buffer, packet[4], instruction).unwrap();
             writer.push(&[7]).unwrap();
             changed = writer.finish().unwrap().to_vec();
         }

@@ -4,9 +4,9 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, npm_package, require_program, require_target};
-use host_sim::thumb::{Board, Core, Image, Machine, Stop, Waits};
 use std::fs;
 use std::process::Command;
+use thumb_cycles::{Board, Core, Image, Machine, Stop, WaitStates};
 
 /// More than any of these takes.
 const LIMIT: u64 = 100_000_000;
@@ -17,11 +17,11 @@ fn call(machine: &mut Machine, function: &str, arguments: &[u32], stacked: &[u32
         machine.image().symbol(function).unwrap_or_else(|| panic!("{function} is not in the image"));
     let sp = machine.cpu.r[13] - 8 * (stacked.len() as u32).div_ceil(2);
     let words: Vec<u8> = stacked.iter().flat_map(|word| word.to_le_bytes()).collect();
-    assert!(machine.memory.load(sp, &words));
+    assert!(machine.memory_mut().program(sp, &words));
     machine.cpu.r[13] = sp;
     let before = machine.usage().cycles;
     let stop = machine
-        .call(address, arguments, before + LIMIT)
+        .call_function(address, arguments, before + LIMIT)
         .unwrap_or_else(|fault| panic!("{function}: {fault}"));
     assert_eq!(stop, Stop::Returned, "{function}");
     machine.cpu.r[13] = sp + 8 * (stacked.len() as u32).div_ceil(2);
@@ -30,7 +30,7 @@ fn call(machine: &mut Machine, function: &str, arguments: &[u32], stacked: &[u32
 
 /// The nRF52840's flash with its instruction cache on (Nordic, nRF52840 Product Specification 1.7, "CPU, electrical
 /// specification": W_FLASHCACHE is 3): code comes from the cache, data does not.
-const NRF52840: Waits = Waits { states: 3, line: 4, prefetch: false, cached_code: true };
+const NRF52840: WaitStates = WaitStates { cycles: 3, line: 4, prefetch: false, cached_code: true };
 
 /// P256-Cortex-M4 by Emil Lenngren, "Performance": thousands of cycles on an nRF52840 with its instruction cache on,
 /// GCC with -O2.
@@ -42,22 +42,22 @@ fn p256_on_an_m4() {
     let path = cargo::image("calibration", "p256", Core::M4.target(), "firmware", &["p256"]);
     let image = Image::parse(&fs::read(path).unwrap()).unwrap();
     let mut worst = 0f64;
-    for (waits, name) in [(Waits::NONE, "no wait states"), (NRF52840, "nRF52840")] {
+    for (waits, name) in [(WaitStates::NONE, "no wait states"), (NRF52840, "nRF52840")] {
         worst = p256(&image, waits, name);
     }
     assert!(worst < Core::M4.tolerance().unwrap(), "off by {:.2} %", worst * 100.0);
 }
 
 /// Runs all operations with these wait states of flash; gives the largest relative error.
-fn p256(image: &Image, waits: Waits, flash: &str) -> f64 {
+fn p256(image: &Image, waits: WaitStates, flash: &str) -> f64 {
     let mut machine = Machine::new(Core::M4, &Board::mps2(), image).unwrap();
-    machine.memory.region_mut(0).unwrap().waits = waits;
+    machine.memory_mut().region_mut(0).unwrap().wait_states = waits;
     let ram = 0x2000_0000;
     let [private, x, y, hash, r, s, secret] = [0, 1, 2, 3, 4, 5, 6].map(|slot| ram + 0x100 * slot);
     // Any number below the order will do: the running time does not depend on it.
     let number: Vec<u8> = (0..32).map(|at: u32| (at * 37 + 11) as u8 & 0x7f).collect();
     for place in [private, hash] {
-        assert!(machine.memory.load(place, &number));
+        assert!(machine.memory_mut().program(place, &number));
     }
     let mut worst = 0f64;
     let mut check = |name: &str, published: f64, (result, cycles): (u32, u64)| {
@@ -96,7 +96,7 @@ fn kernels_on_an_m0plus_as_in_rp2040js() {
     let folder = tempfile::tempdir().unwrap();
     let rom = folder.path().join("rom.bin");
     let machine = Machine::new(core, &Board::microbit(), &image).unwrap();
-    fs::write(&rom, machine.memory.bytes(0, 16 << 10).unwrap()).unwrap();
+    fs::write(&rom, machine.memory().bytes(0, 16 << 10).unwrap()).unwrap();
     let addresses = KERNELS.map(|name| format!("{name}={}", image.symbol(name).unwrap()));
     let script = bunraku_tests::workspace().join("tests/peers/thumb_rp2040js.mjs");
     let output = Command::new("node").arg(script).arg(package).arg(rom).args(addresses).output().unwrap();

@@ -3,9 +3,9 @@
 
 use bunraku_tests::vectors::Vector;
 use bunraku_tests::{cargo, require_target, vectors};
-use host_sim::thumb::{Board, Core, Image, Machine, Usage};
 use std::fs;
 use std::time::{Duration, Instant};
+use thumb_cycles::{Board, Core, Image, Machine, Usage};
 
 fn image(target: &str, binary: &str) -> Option<Image> {
     if !require_target(target) {
@@ -18,8 +18,8 @@ fn image(target: &str, binary: &str) -> Option<Image> {
 /// Runs the image on a clip, which it decodes to the right frames. Gives what it took.
 fn run(image: &Image, core: Core, board: &Board, clip: &Vector) -> (Usage, Duration) {
     let mut machine = Machine::new(core, board, image).unwrap();
-    machine.files.insert("clip".to_owned(), clip.bytes.clone());
-    machine.command_line = "clip".to_owned();
+    machine.semihosting.files.insert("clip".to_owned(), clip.bytes.clone());
+    machine.semihosting.command_line = "clip".to_owned();
     let mut said = Vec::new();
     let started = Instant::now();
     let code = machine

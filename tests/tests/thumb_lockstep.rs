@@ -5,7 +5,6 @@
 use bunraku_tests::{cargo, require_program, require_target, vectors, workspace};
 use host_sim::puppet::Puppet;
 use host_sim::servos::{Bus, BusConfig};
-use host_sim::thumb::{Board, Core, Image, Machine, Stop};
 use host_sim::{board, qemu};
 use std::fs;
 use std::io::{Read, Write};
@@ -14,6 +13,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+use thumb_cycles::{Board, Core, Image, Machine, Stop};
 
 /// More than any of these takes, in cycles and in time.
 const CYCLES: u64 = 10_000_000_000;
@@ -142,25 +142,25 @@ fn here(core: Core, board: &Board, elf: &[u8], clip: &[u8]) -> (End, Machine) {
     let image = Image::parse(elf).unwrap();
     let start = || {
         let mut machine = Machine::new(core, board, &image).unwrap();
-        machine.files.insert("clip".to_owned(), clip.to_vec());
-        machine.command_line = "clip".to_owned();
+        machine.semihosting.files.insert("clip".to_owned(), clip.to_vec());
+        machine.semihosting.command_line = "clip".to_owned();
         machine
     };
     // Where that is shows a first run.
     let mut machine = start();
-    while !matches!(machine.run(CYCLES).unwrap_or_else(|fault| panic!("{fault}")), Stop::Exit(_)) {}
+    while !matches!(machine.run_until(CYCLES).unwrap_or_else(|fault| panic!("{fault}")), Stop::Exit(_)) {}
     let exit = machine.cpu.pc - 2;
     let mut machine = start();
     machine.set_breakpoint(exit);
     loop {
-        assert_eq!(machine.run(CYCLES).unwrap(), Stop::Breakpoint(exit));
+        assert_eq!(machine.run_until(CYCLES).unwrap(), Stop::Breakpoint(exit));
         if EXITS.contains(&machine.cpu.r[0]) {
             break;
         }
     }
     let mut registers = machine.cpu.r;
     registers[15] = machine.cpu.pc;
-    let ram = machine.memory.regions()[1].data.clone();
+    let ram = machine.memory().regions()[1].data.clone();
     (End { registers, flags: machine.cpu.xpsr() & FLAGS, ram }, machine)
 }
 
@@ -177,7 +177,7 @@ fn compare(core: Core, name: &str, board: &Board, binary: &str) {
     let (ours, machine) = here(core, board, &elf, &clip);
     let mut gdb = Gdb::start(name, &path, "clip", folder.path());
     let registers = gdb.run_to_exit(ours.registers[15]);
-    let base = machine.memory.regions()[1].base;
+    let base = machine.memory().regions()[1].base;
     let ram = gdb.memory(base, ours.ram.len());
     let theirs = End {
         registers: registers[..16].try_into().unwrap(),

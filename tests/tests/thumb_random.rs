@@ -7,15 +7,15 @@
 
 use bunraku_tests::{cargo, require_program, require_target, vectors, workspace};
 use host_sim::puppet::{Puppet, to_bytes};
-use host_sim::thumb::decode::{decode, is_wide};
-use host_sim::thumb::insn::{Arch, Class, Index, Insn, Op, Src};
-use host_sim::thumb::{Board, Core, Cpu, Image, Machine, Region, Stop};
 use host_sim::{board, profile};
 use object::{Object, ObjectSection, ObjectSymbol, SectionKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::fs;
 use std::process::{Command, Stdio};
+use thumb_cycles::decode::{decode, is_wide};
+use thumb_cycles::insn::{Arch, Class, Index, Insn, Op, Src};
+use thumb_cycles::{Board, Core, Cpu, Image, Machine, Region, Stop};
 
 /// Sets of registers: the first half any numbers, the second half addresses (in even registers) and small offsets.
 const SETS: u32 = 64;
@@ -202,21 +202,21 @@ impl Generator {
     fn try_once(&mut self, slot: &[u8], set: &[u32; 16]) -> bool {
         let machine = &mut self.trial;
         let ram = self.ram;
-        machine.cpu = Cpu::default();
+        machine.cpu = Cpu::new(self.arch);
         machine.cpu.r[..13].copy_from_slice(&set[..13]);
         machine.cpu.r[13] = ram + STACK;
         machine.cpu.r[14] = set[13];
-        machine.cpu.flags = host_sim::thumb::Flags::from_bits(set[14]);
+        machine.cpu.flags = thumb_cycles::Flags::from_bits(set[14]);
         machine.cpu.pc = ram + SLOT_AT;
-        if !machine.memory.load(ram + SLOT_AT, slot) {
+        if !machine.memory_mut().program(ram + SLOT_AT, slot) {
             return false;
         }
-        let before = machine.memory.bytes(ram, SCRATCH as usize).map(<[u8]>::to_vec);
+        let before = machine.memory().bytes(ram, SCRATCH as usize).map(<[u8]>::to_vec);
         let limit = machine.usage().cycles + 500;
-        let stopped = machine.run(limit);
-        let intact = machine.memory.bytes(ram, SCRATCH as usize) == before.as_deref();
+        let stopped = machine.run_until(limit);
+        let intact = machine.memory().bytes(ram, SCRATCH as usize) == before.as_deref();
         if !intact {
-            machine.memory.load(ram, &before.unwrap());
+            machine.memory_mut().program(ram, &before.unwrap());
         }
         let sp = machine.cpu.r[13];
         matches!(stopped, Ok(Stop::Breakpoint(_)))
@@ -316,7 +316,7 @@ impl Generator {
             written |= insn.writes;
             insns.push(insn);
             code.extend(next);
-            state = host_sim::thumb::decode::advance_it(state);
+            state = thumb_cycles::decode::advance_it(state);
         }
         self.case(code, &insns)
     }
@@ -428,8 +428,8 @@ fn compare(core: Core, machine: &str, board: &Board, instructions: usize, runs: 
     };
     let mut trial = Machine::new(core, &narrow, &image).unwrap();
     let template = image.symbol("template").unwrap();
-    let code = trial.memory.bytes(template, 0x80).unwrap().to_vec();
-    assert!(trial.memory.load(ram, &code));
+    let code = trial.memory().bytes(template, 0x80).unwrap().to_vec();
+    assert!(trial.memory_mut().program(ram, &code));
     trial.set_breakpoint(ram + SLED_END);
     let mut generator = Generator { arch: core.arch(), core, numbers, sets, trial, ram, runs };
 

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, require_target};
-use host_sim::thumb::{Board, Core, Image, Machine, Stop};
 use std::fs;
+use thumb_cycles::{Board, Core, Image, Machine, Stop};
 
 /// A snippet of `tests/calibration/src/rules.in`.
 struct Rule {
@@ -37,13 +37,13 @@ fn check(core: Core, board: &Board, rules: &[Rule], column: usize) -> Vec<String
         {
             machine.cpu.r[register] = value;
         }
-        assert!(machine.memory.load(ram + 0x100, &(ram + 0x500).to_le_bytes()));
+        assert!(machine.memory_mut().program(ram + 0x100, &(ram + 0x500).to_le_bytes()));
         machine.set_breakpoint(begin);
         machine.set_breakpoint(end);
         machine.cpu.pc = begin - 4;
-        assert_eq!(machine.run(1000).unwrap(), Stop::Breakpoint(begin));
+        assert_eq!(machine.run_until(1000).unwrap(), Stop::Breakpoint(begin));
         let before = machine.usage().cycles;
-        assert_eq!(machine.run(1000).unwrap(), Stop::Breakpoint(end), "{}", rule.name);
+        assert_eq!(machine.run_until(1000).unwrap(), Stop::Breakpoint(end), "{}", rule.name);
         machine.usage().cycles - before
     };
     let mut wrong = Vec::new();

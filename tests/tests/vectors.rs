@@ -3,10 +3,11 @@
 
 use bunraku_fuzz::Random;
 use bunraku_fuzz::mutate::mutate;
-use bunraku_tests::{skip, vectors};
+use bunraku_tests::{skip, vectors, workspace};
 use decoder_core::qmd::Stream;
 use decoder_core::{Error, I16F16};
 use sha2::{Digest, Sha256};
+use std::fs;
 use std::process::Command;
 
 /// SHA-256 of a clip's frames, decoded from chunks of `size` bytes.
@@ -21,6 +22,26 @@ fn hash_of_stream(bytes: &[u8], size: usize) -> Result<String, Error> {
     }
     stream.finish()?;
     Ok(vectors::hex(sha))
+}
+
+/// SHA-256 of the list that `sha256sum *` prints in tests/vectors/v1, sorted by the bytes of the names. The folder is
+/// frozen: a file that is changed, added or gone is an error. New vectors go to a folder of their own.
+const FROZEN: &str = "6ed7ea26e574c2d00fc6f2f6df8fe23b70bba83e285977afcd708512e04addd5";
+
+#[test]
+fn the_frozen_vectors_are_as_they_were() {
+    let folder = vectors::folder();
+    let mut names: Vec<_> = fs::read_dir(&folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    let mut list = Sha256::new();
+    for name in names {
+        let bytes = fs::read(folder.join(&name)).unwrap();
+        list.update(format!("{}  {name}\n", vectors::hex(Sha256::new_with_prefix(bytes))));
+    }
+    assert_eq!(vectors::hex(list), FROZEN, "{} was changed", folder.display());
 }
 
 #[test]
@@ -42,7 +63,7 @@ fn every_way_to_decode_gives_the_golden_frames() {
 
 #[test]
 fn the_reference_decoder_gives_the_golden_frames() {
-    let script = vectors::folder().join("qmd.py");
+    let script = workspace().join("tests/vectors/qmd.py");
     let mut command = Command::new("python3");
     command.arg(script).arg("hash");
     for vector in vectors::all() {
@@ -52,7 +73,7 @@ fn the_reference_decoder_gives_the_golden_frames() {
         return skip("python3 is not installed");
     };
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let sums = std::fs::read_to_string(vectors::folder().join("SHA256SUMS")).unwrap();
+    let sums = fs::read_to_string(vectors::folder().join("SHA256SUMS")).unwrap();
     assert_eq!(String::from_utf8_lossy(&output.stdout), sums);
 }
 

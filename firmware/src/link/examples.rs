@@ -6,12 +6,12 @@ use super::message::{
     Telemetry, VERSION,
 };
 use super::wire::Encode;
-use crate::bus::Reading;
 use crate::clips::LIVE;
 use crate::clock::Speed;
 use crate::fault::Fault;
 use crate::machine::{Command, State};
 use crate::stream::{Counters, Progress};
+use servo_wire::bus::Reading;
 use std::fmt::Write;
 use std::string::String;
 

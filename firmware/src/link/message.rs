@@ -4,7 +4,6 @@
 //! Every length is bounded by what holds the message: a text or slice of a request lies in the frame that brought it, and
 //! all others are of `heapless`.
 
-use crate::bus::{BusError, Reading};
 use crate::fault::Fault;
 use crate::machine::{Command, State};
 use crate::map::MAX_SERVOS;
@@ -13,6 +12,7 @@ use crate::store::{Name, StoreError};
 use crate::stream::{Counters, Progress, StreamError};
 use core::fmt;
 use heapless::{String, Vec};
+use servo_wire::bus::{BusError, Reading};
 
 /// Version of the protocol. A device answers a hello of any version, and nothing else of another one.
 pub const VERSION: u8 = 1;

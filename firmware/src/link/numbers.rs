@@ -12,7 +12,6 @@ use super::message::{
 use super::wire::{Decode, Encode, wire_enum, wire_struct};
 #[cfg(test)]
 use super::wire::{Described, Row};
-use crate::bus::{BusError, Reading};
 use crate::clock::Speed;
 use crate::fault::Fault;
 use crate::machine::{Command, State};
@@ -23,6 +22,7 @@ use crate::stream::{Counters, Progress, StreamError};
 use decoder_core::{Error, Feature, Field};
 use embedded_storage::nor_flash::NorFlashErrorKind;
 use heapless::{String, Vec};
+use servo_wire::bus::{BusError, Reading};
 
 wire_enum! { Request<'b> {
     0 Hello { version: u8, session: u32 },

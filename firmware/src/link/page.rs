@@ -8,7 +8,6 @@ use super::message::{
     Telemetry,
 };
 use super::wire::{Decode, Described, Encode, Row, decode_all};
-use crate::bus::{BusError, Reading};
 use crate::fault::Fault;
 use crate::machine::{Command, State};
 use crate::play_error::PlayError;
@@ -17,6 +16,7 @@ use crate::stream::{Counters, Progress, StreamError};
 use core::fmt::Debug;
 use decoder_core::{Error, Feature, Field};
 use embedded_storage::nor_flash::NorFlashErrorKind;
+use servo_wire::bus::{BusError, Reading};
 use std::collections::BTreeSet;
 
 /// `LinkLost` and `link_lost` in words.

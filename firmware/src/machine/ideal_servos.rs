@@ -3,10 +3,10 @@
 use super::state::State;
 use super::state_machine::Machine;
 use super::tick_output::{Action, TickOutput};
-use crate::bus::{Goal, Reading};
 use crate::fault::Feedback;
 use crate::library::Library;
 use heapless::Vec;
+use servo_wire::bus::{Goal, Reading};
 
 /// Servos that are at once where they are told to be, and never fail.
 #[derive(Debug)]

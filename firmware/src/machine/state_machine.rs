@@ -4,7 +4,6 @@ use super::command::Command;
 
 use super::state::{Start, State};
 use super::tick_output::{Action, TickOutput};
-use crate::bus::Goal;
 use crate::fault::{Fault, FaultDetector, Feedback};
 use crate::idle::{IdleLayer, IdlePose};
 use crate::interpolate::{Fraction, least_jerk, lerp};
@@ -15,6 +14,7 @@ use crate::mixer::Mixer;
 use crate::play_error::PlayError;
 use crate::show::{After, Show};
 use heapless::Vec;
+use servo_wire::bus::Goal;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Servo {

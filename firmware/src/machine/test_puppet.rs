@@ -1,13 +1,13 @@
 //! A puppet for tests: clips from formulas, and servos that can be harmed, which look at what they are told.
 
 use super::*;
-use crate::bus::{BusError, Reading};
 use crate::fault::{Feedback, UNHEARD_TICKS};
 use crate::frames::Frames;
 use crate::library::Library;
 use crate::map::{BusKind, BusSpec, Idle, Joint, JointMap, Settings};
 use crate::play_error::PlayError;
 use decoder_core::{Error, Field, I16F16};
+use servo_wire::bus::{BusError, Reading};
 use std::collections::HashMap;
 
 pub(crate) const SERVOS: usize = 3;

@@ -1,11 +1,11 @@
 use super::test_puppet::*;
 use super::*;
-use crate::bus::BusError;
 use crate::clock::Speed;
 use crate::fault::Fault;
 use crate::map::{Interpolation, Policy, Settings};
 use crate::play_error::PlayError;
 use proptest::prelude::*;
+use servo_wire::bus::BusError;
 
 #[test]
 fn from_any_posture_to_the_clip_and_home_without_a_jump() {

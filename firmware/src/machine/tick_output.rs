@@ -1,6 +1,6 @@
 //! What a tick of the machine asks of the buses.
 
-use crate::bus::Goal;
+use servo_wire::bus::Goal;
 
 /// One thing besides goals and readings that a bus is asked in a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

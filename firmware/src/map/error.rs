@@ -2,9 +2,9 @@
 
 use super::{GOAL_LIMIT, VERSION};
 use crate::clock::MAX_TICK_HZ;
-use crate::dynamixel::MAX_ID;
 use crate::limits::MAX_VELOCITY;
 use core::fmt;
+use servo_wire::dynamixel::MAX_ID;
 
 /// Why a joint map cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,13 +6,13 @@
 //! a `JointMap` relies on that.
 
 use crate::clock::MAX_TICK_HZ;
-use crate::dynamixel::MAX_ID;
 use crate::limits::{FINE_BITS, Limits, MAX_VELOCITY, clamp};
 use crate::play_error::PlayError;
 use core::ops::Range;
 use decoder_core::I16F16;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
+use servo_wire::dynamixel::MAX_ID;
 
 mod error;
 
@@ -22,7 +22,7 @@ pub use error::MapError;
 const VERSION: u8 = 3;
 
 /// Most servos of the maps that this project's host and boards exchange (`N` of [`JointMap`]).
-pub const MAX_SERVOS: usize = 32;
+pub const MAX_SERVOS: usize = servo_wire::bus::MAX_SERVOS;
 
 /// Most buses of a puppet.
 pub const MAX_BUSES: usize = 4;

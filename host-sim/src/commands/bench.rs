@@ -5,12 +5,12 @@ use anyhow::{Context, Result};
 use clap::Subcommand;
 use host_sim::files;
 use host_sim::peers::{self, Entry, Method, PACKERS};
-use host_sim::thumb::Core;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
+use thumb_cycles::Core;
 
 /// Compare with what else is at hand.
 #[derive(clap::Args)]

@@ -6,7 +6,7 @@ use decoder_core::Limits;
 use decoder_core::mclip::{self, ChannelKind};
 use decoder_core::qmd::Clip;
 use host_sim::files;
-use host_sim::thumb::Core;
+use host_sim::within::header_core;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -90,7 +90,7 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
         .iter()
         .map(|&[core, a, b, c, d]| {
             let name =
-                Core::from_number(core).map_or_else(|| format!("core {core}"), |core| core.name().to_owned());
+                header_core(core).map_or_else(|| format!("core {core}"), |core| core.name().to_owned());
             (name, u32::from_le_bytes([a, b, c, d]))
         })
         .collect();

@@ -10,11 +10,11 @@ use host_sim::profile::parts::{PARTS, Part};
 use host_sim::profile::report::{Budget, Container, Simulation, Subject, Table, Ticks};
 use host_sim::profile::{CoreReport, Report, html, measure};
 use host_sim::puppet::{self, Channels, Map, Puppet};
-use host_sim::thumb::Core;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
+use thumb_cycles::Core;
 
 /// Count what decoding a clip costs on a microcontroller: cycles, stack, flash, RAM, energy.
 ///

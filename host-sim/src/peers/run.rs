@@ -6,7 +6,6 @@ use crate::image::Image;
 use crate::profile;
 use crate::profile::elf::Memory;
 use crate::profile::measure::{self, Measured};
-use crate::thumb::Core;
 use anyhow::{Context, Result, bail};
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::mclip::{Encoder, Quality, Settings, Target};
@@ -14,6 +13,7 @@ use encoder::qmd::{self, Parameters, Source};
 use mocap::metrics::Evaluator;
 use serde::Serialize;
 use std::path::Path;
+use thumb_cycles::Core;
 
 /// How a motion is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

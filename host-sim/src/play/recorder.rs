@@ -5,9 +5,9 @@ use crate::puppet::Map;
 use crate::servos::pins::Pins;
 use crate::servos::{Bus, BusConfig, ConfigError, Deed, Event, ServoConfig};
 use anyhow::{Result, bail};
-use firmware::dynamixel::table::GOAL_POSITION;
-use firmware::dynamixel::{Framer, Instruction, Packet};
 use firmware::map::{BusKind, Joint};
+use servo_wire::dynamixel::table::GOAL_POSITION;
+use servo_wire::dynamixel::{Framer, Instruction, Packet};
 
 /// Longest packet of a player with 32 servos.
 const LONGEST: usize = 640;

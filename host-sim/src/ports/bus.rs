@@ -3,14 +3,15 @@
 use super::serial::{RealTime, Serial};
 use crate::puppet::Map;
 use anyhow::{Result, bail};
-use firmware::blender::BlenderBus;
-use firmware::bus::port::{Automatic, Line, Port};
-use firmware::bus::{Both, BusError, Goal, Reading, ServoBus};
-use firmware::dynamixel::DynamixelBus;
-use firmware::feetech::{FeetechBus, Series};
 use firmware::map::{BusKind, BusSpec, MAX_BUSES};
-use firmware::protocol1::Protocol1Bus;
-use firmware::{dynamixel, protocol1};
+use servo_wire::blender::BlenderBus;
+use servo_wire::both::Both;
+use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
+use servo_wire::dynamixel::DynamixelBus;
+use servo_wire::feetech::{FeetechBus, Series};
+use servo_wire::port::{Automatic, Line, Port};
+use servo_wire::protocol1::Protocol1Bus;
+use servo_wire::{dynamixel, protocol1};
 
 /// What a USB adapter and an operating system may be late, in microseconds: 16 ms are the usual latency timer.
 pub const SLACK_US: u32 = 20_000;

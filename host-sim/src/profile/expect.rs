@@ -6,9 +6,9 @@ use crate::puppet::Map;
 use anyhow::{Result, bail};
 use decoder_core::I16F16;
 use firmware::decoder_list::SingleClip;
-use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use firmware::machine::{After, IdealServos, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
+use servo_wire::dynamixel::sync_write::{goal_positions, goal_positions_len};
 
 /// The frames of a clip.
 ///

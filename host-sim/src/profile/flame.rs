@@ -1,6 +1,6 @@
 //! Cycles by function and what it calls, as a flame graph draws them.
 
-use crate::thumb::CallPath;
+use thumb_cycles::CallPath;
 
 /// A function's cycles, all frames together, on one path of calls.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

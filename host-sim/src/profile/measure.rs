@@ -1,9 +1,9 @@
 //! Runs a bare image on the simulator, frame by frame.
 
 use super::flame::Node;
-use crate::thumb::{Board, Core, Image, Machine, Region, SelfCycles, Stop};
 use anyhow::{Context, Result, anyhow, bail};
 use std::time::{Duration, Instant};
+use thumb_cycles::{Board, Core, Image, Machine, Region, SelfCycles, Stop};
 
 /// Cycles that one call of the image may take: more than any clip's table takes to convert.
 pub(super) const LIMIT: u64 = 2_000_000_000;
@@ -95,7 +95,7 @@ impl Runner {
         let before = machine.usage();
         let number = self.measured.frame_cycles.len();
         let started = Instant::now();
-        let stop = machine.call(self.decode_frame, &[self.state], before.cycles + LIMIT);
+        let stop = machine.call_function(self.decode_frame, &[self.state], before.cycles + LIMIT);
         self.measured.simulated += started.elapsed();
         self.measured.instructions += machine.usage().instructions - before.instructions;
         match stop {
@@ -110,7 +110,7 @@ impl Runner {
             return Ok(None);
         }
         self.measured.frame_cycles.push(machine.usage().cycles - before.cycles);
-        let bytes = machine.memory.bytes(pointer, len.saturating_mul(element));
+        let bytes = machine.memory().bytes(pointer, len.saturating_mul(element));
         let bytes =
             bytes.with_context(|| format!("frame {number} is at {pointer:#010x}, which is no memory"))?;
         Ok(Some(bytes))
@@ -125,7 +125,7 @@ impl Runner {
         let frame = paths.iter().position(|path| path.parent == Some(0)).unwrap_or(0);
         let mut measured = self.measured;
         measured.flame = Node::of(&paths, frame);
-        measured.functions = self.machine.functions();
+        measured.functions = self.machine.self_cycles();
         measured.frame_stack_bytes = usage.stack;
         measured.stack_bytes = measured.stack_bytes.max(depth + usage.stack);
         measured
@@ -135,13 +135,13 @@ impl Runner {
 /// Memory like that of the board qemu-mps2.
 pub(super) fn board(wait_states: u32) -> Board {
     let mut flash = Region::new("flash", FLASH, BYTES, false);
-    flash.waits.states = wait_states;
+    flash.wait_states.cycles = wait_states;
     Board { name: "profile", regions: vec![flash, Region::new("RAM", RAM, BYTES, true)], ..Board::bare() }
 }
 
 fn run_to(machine: &mut Machine, address: u32) -> Result<()> {
     let limit = machine.usage().cycles + LIMIT;
-    match machine.run(limit) {
+    match machine.run_until(limit) {
         Ok(Stop::Breakpoint(at)) if at == address => Ok(()),
         Ok(Stop::Breakpoint(_)) => bail!("the image refused its clip"),
         Ok(stop) => bail!("the image stopped: {stop:?}"),

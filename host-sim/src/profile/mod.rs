@@ -1,7 +1,7 @@
 //! What a clip costs on a microcontroller: cycles, memory and energy, from the machine code that would run there.
 //!
 //! The clip is linked into a bare image (`tests/profile-image`), which is built for the core and run on the simulator
-//! in [`thumb`](crate::thumb). A frame's cycles are those from the first instruction of its function to the return,
+//! in `thumb-cycles`. A frame's cycles are those from the first instruction of its function to the return,
 //! so measuring adds nothing to the image; every frame is compared with what the decoder gives on this machine. With a
 //! puppet, a whole tick stands where a frame would.
 

@@ -3,7 +3,7 @@
 //! Typical figures at 25 °C, of the whole chip with its peripherals off. `run_ma` is while code runs from flash at
 //! `clock_hz`; `sleep_ma` is between frames, in a state that keeps RAM and wakes by a timer.
 
-use crate::thumb::Core;
+use thumb_cycles::Core;
 
 /// A microcontroller and its supply currents.
 #[derive(Clone, Copy, Debug, PartialEq)]

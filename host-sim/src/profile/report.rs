@@ -4,9 +4,9 @@ use super::elf::{Memory, Section};
 use super::flame::Node;
 use super::measure::Measured;
 use super::parts::Energy;
-use crate::thumb::Core;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
+use thumb_cycles::Core;
 
 /// The clip, and how it was run: figures of two reports compare where these are equal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -285,7 +285,7 @@ impl Budget {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::thumb::SelfCycles;
+    use thumb_cycles::SelfCycles;
 
     fn report(frame_cycles: Vec<u64>) -> CoreReport {
         let own = std::fs::read(std::env::current_exe().unwrap()).unwrap();

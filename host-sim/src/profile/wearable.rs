@@ -6,10 +6,10 @@
 use super::measure;
 use crate::clip::Clip;
 use crate::puppet::{self, Map};
-use crate::thumb::{Core, Image, Machine, Stop};
 use anyhow::{Context, Result, anyhow, bail};
 use firmware::clock::{Clock, MAX_TICK_HZ, Speed};
 use firmware::wearable::Wearable;
+use thumb_cycles::{Core, Image, Machine, Stop};
 
 /// Most that SysTick counts to.
 const MOST_RELOAD: u32 = 1 << 24;
@@ -80,13 +80,13 @@ pub fn wear(
     for (tick, expected) in expected.iter().enumerate() {
         // The first tick comes after the clip was opened.
         let limit = machine.usage().cycles + measure::LIMIT;
-        match machine.run(limit) {
+        match machine.run_until(limit) {
             Ok(Stop::Breakpoint(address)) if address == present => {}
             Ok(stop) => bail!("the image stopped in tick {tick}: {stop:?}"),
             Err(fault) => return Err(anyhow!(fault).context(format!("tick {tick}"))),
         }
         let (pointer, len) = (machine.cpu.r[0], machine.cpu.r[1] as usize);
-        let bytes = machine.memory.bytes(pointer, 4 * len).context("levels that are in no memory")?;
+        let bytes = machine.memory().bytes(pointer, 4 * len).context("levels that are in no memory")?;
         let levels = bytes
             .chunks_exact(4)
             .map(|word| word.iter().rev().fold(0, |word, &byte| word << 8 | i32::from(byte)));

@@ -1,13 +1,13 @@
 //! What a tick costs on the wires: bytes, time, and the tick rate that leaves.
 
 use super::{Map, Puppet};
-use firmware::blender::FRAME_LEN;
-use firmware::dynamixel::packet::OVERHEAD as OVERHEAD_2;
-use firmware::feetech::{self, Series};
 use firmware::map::BusKind;
-use firmware::protocol1::packet::OVERHEAD as OVERHEAD_1;
-use firmware::{dynamixel, protocol1};
 use serde::Serialize;
+use servo_wire::blender::FRAME_LEN;
+use servo_wire::dynamixel::packet::OVERHEAD as OVERHEAD_2;
+use servo_wire::feetech::{self, Series};
+use servo_wire::protocol1::packet::OVERHEAD as OVERHEAD_1;
+use servo_wire::{dynamixel, protocol1};
 
 /// A tick on one bus. Bytes are those without stuffing, which adds one wherever goals or ids hold `FF FF FD`.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -46,7 +46,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use firmware::map::{
     BusKind, BusSpec, Interpolation, Joint, JointMap, MAX_BUSES, MAX_SERVOS, Policy, Settings, bytes_len,
 };
-use firmware::pca9685::CHANNELS;
+use servo_wire::pca9685::CHANNELS;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;

@@ -2,7 +2,7 @@
 
 use super::bus::{ConfigError, Event, Wire};
 use super::crowd::Deed;
-use firmware::blender::Parser;
+use servo_wire::blender::Parser;
 
 /// Takes frames, and answers nothing, as such a board does. Frames with other ids than its servos' are ignored.
 pub struct BlenderSink {

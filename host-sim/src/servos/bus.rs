@@ -3,7 +3,7 @@
 use super::crowd::{Crowd, Deed, check};
 use super::instructions::{self, Line};
 use super::servo::{Servo, ServoConfig};
-use firmware::dynamixel::{ErrorNumber, FrameError, Framer};
+use servo_wire::dynamixel::{ErrorNumber, FrameError, Framer};
 use thiserror::Error;
 
 /// Longest packet that the servos take; clients send at most 1 KiB.
@@ -167,7 +167,7 @@ impl Wire for Bus {
 
 fn take(
     servos: &mut [Servo],
-    frame: Result<firmware::dynamixel::Packet<'_>, FrameError>,
+    frame: Result<servo_wire::dynamixel::Packet<'_>, FrameError>,
     line: &mut Line<'_>,
 ) {
     match frame {

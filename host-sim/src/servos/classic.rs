@@ -8,9 +8,9 @@ use super::crowd::{Crowd, Deed, Shaft, check};
 use super::motion::Motion;
 use super::series::Series;
 use super::servo::ServoConfig;
-use firmware::dynamixel::ErrorNumber;
 use firmware::map::BusKind;
-use firmware::protocol1::packet::{BROADCAST_ID, Framer, Instruction, OVERHEAD, Packet, write};
+use servo_wire::dynamixel::ErrorNumber;
+use servo_wire::protocol1::packet::{BROADCAST_ID, Framer, Instruction, OVERHEAD, Packet, write};
 
 /// Longest packet there is.
 const LONGEST: usize = 259;

@@ -2,8 +2,8 @@
 
 use super::bus::ConfigError;
 use super::servo::ServoConfig;
-use firmware::dynamixel::MAX_ID;
 use serde::Deserialize;
+use servo_wire::dynamixel::MAX_ID;
 use std::collections::VecDeque;
 
 /// What happens to servos from outside, apart from what is said on their bus.

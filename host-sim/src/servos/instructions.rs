@@ -2,9 +2,9 @@
 
 use super::bus::Event;
 use super::servo::Servo;
-use firmware::dynamixel::instruction::ALERT;
-use firmware::dynamixel::packet::{HEADER, max_packet_len};
-use firmware::dynamixel::{BROADCAST_ID, ErrorNumber, Instruction, Packet, PacketWriter, crc};
+use servo_wire::dynamixel::instruction::ALERT;
+use servo_wire::dynamixel::packet::{HEADER, max_packet_len};
+use servo_wire::dynamixel::{BROADCAST_ID, ErrorNumber, Instruction, Packet, PacketWriter, crc};
 
 /// What a servo did: the parameters of its answer and the goal position that it took.
 type Done = Result<(Vec<u8>, Option<i32>), ErrorNumber>;

@@ -1,8 +1,8 @@
 //! The control table as bytes, with its rules for reading and writing.
 
 use super::model::{self, Entry, SIZE};
-use firmware::dynamixel::ErrorNumber;
-use firmware::dynamixel::table::{RAM_START, Register};
+use servo_wire::dynamixel::ErrorNumber;
+use servo_wire::dynamixel::table::{RAM_START, Register};
 
 /// One servo's control table.
 #[derive(Clone)]
@@ -130,7 +130,7 @@ fn value(bytes: &[u8], signed: bool) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firmware::dynamixel::table::{
+    use servo_wire::dynamixel::table::{
         GOAL_POSITION, HARDWARE_ERROR_STATUS, ID, LED, PRESENT_POSITION, PROFILE_ACCELERATION,
         PROFILE_VELOCITY, TORQUE_ENABLE,
     };

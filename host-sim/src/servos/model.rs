@@ -2,7 +2,7 @@
 //!
 //! Source: e-Manual, "XM430-W350", sections "Control Table of EEPROM Area" and "... of RAM Area".
 
-use firmware::dynamixel::table::{self, Register};
+use servo_wire::dynamixel::table::{self, Register};
 
 /// Addresses `0..SIZE` can be read.
 pub(super) const SIZE: usize = 662;

@@ -6,8 +6,8 @@ use embedded_hal_async::i2c::{
     ErrorKind as I2cErrorKind, ErrorType as I2cErrorType, I2c, NoAcknowledgeSource, Operation,
 };
 use firmware::map::{BusKind, BusSpec};
-use firmware::pca9685::{CHANNELS, OSCILLATOR_HZ, Pca9685Bus};
-use firmware::pwm::{Calibration, Channel, PwmBus, SetDutyCycle, Timing};
+use servo_wire::pca9685::{CHANNELS, OSCILLATOR_HZ, Pca9685Bus};
+use servo_wire::pwm::{Calibration, Channel, PwmBus, SetDutyCycle, Timing};
 use std::cell::RefCell;
 use std::convert::Infallible;
 use std::rc::Rc;
@@ -167,7 +167,7 @@ pub struct Pin {
     top: u16,
 }
 
-impl firmware::pwm::ErrorType for Pin {
+impl servo_wire::pwm::ErrorType for Pin {
     type Error = Infallible;
 }
 
@@ -186,7 +186,7 @@ impl SetDutyCycle for Pin {
 mod tests {
     use super::*;
     use crate::ports::run;
-    use firmware::bus::{Goal, ServoBus};
+    use servo_wire::bus::{Goal, ServoBus};
 
     #[test]
     fn pulses_are_those_of_the_goals() {

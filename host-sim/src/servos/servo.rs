@@ -6,8 +6,8 @@ use super::model::{
     ACCELERATION_UNIT, INPUT_VOLTAGE, MOTOR_SPEED, MULTI_TURN_LIMIT, TEMPERATURE, VELOCITY_UNIT,
 };
 use super::motion::{Drive, Motion};
-use firmware::dynamixel::ErrorNumber;
-use firmware::dynamixel::table::*;
+use servo_wire::dynamixel::ErrorNumber;
+use servo_wire::dynamixel::table::*;
 
 /// Velocity mode of Operating Mode (11).
 const VELOCITY_MODE: i64 = 1;
@@ -81,7 +81,7 @@ impl Servo {
 
     /// Whether `id` is the secondary id, which is obeyed without an answer.
     pub fn follows(&self, id: u8) -> bool {
-        id <= firmware::dynamixel::MAX_ID && self.memory.get(SECONDARY_ID) == i64::from(id)
+        id <= servo_wire::dynamixel::MAX_ID && self.memory.get(SECONDARY_ID) == i64::from(id)
     }
 
     /// Status Return Level: 0 ping, 1 reads as well, 2 everything.

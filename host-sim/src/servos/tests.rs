@@ -1,9 +1,9 @@
 //! What the servos do on the wire, seen from a client.
 
 use super::{Bus, BusConfig, ConfigError, Deed, Event, START_US, ServoConfig};
-use firmware::dynamixel::instruction::ALERT;
-use firmware::dynamixel::table::*;
-use firmware::dynamixel::{
+use servo_wire::dynamixel::instruction::ALERT;
+use servo_wire::dynamixel::table::*;
+use servo_wire::dynamixel::{
     BROADCAST_ID, ErrorNumber, Framer, Goal, Instruction, PacketWriter, goal_positions,
 };
 
@@ -164,7 +164,7 @@ fn refusals_have_the_numbers_of_the_manual() {
     wrong = packet(1, Instruction::Ping, &[]);
     wrong[7] = 0x77;
     let body = wrong.len() - 2;
-    let checksum = firmware::dynamixel::crc::update(0, &wrong[..body]).to_le_bytes();
+    let checksum = servo_wire::dynamixel::crc::update(0, &wrong[..body]).to_le_bytes();
     wrong[body..].copy_from_slice(&checksum);
     assert_eq!(client.raw(&wrong)[8], INSTRUCTION);
 }

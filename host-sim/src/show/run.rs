@@ -8,8 +8,7 @@ use crate::play::{Recorder, Recording, on_the_spot};
 use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
-use crate::thumb::{Board, Core, Image, Machine, Stop};
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use firmware::clips::{Mailbox, WithLive, Worker, decode};
 use firmware::control_loop::Surroundings;
 use firmware::decoder_list::DecoderList;
@@ -23,6 +22,7 @@ use firmware::stream::{Counters, Live, Made};
 use serde::Serialize;
 use std::pin::pin;
 use std::time::Duration;
+use thumb_cycles::{Board, Core, Image, Machine, Stop};
 
 /// Microseconds that servos on the simulated wire may be late.
 const SLACK_US: u32 = 300;
@@ -238,19 +238,19 @@ fn simulate(
     log: &mut dyn FnMut(&str),
 ) -> Result<Ran> {
     let mut lines = Log::new(elf)?;
-    let parsed = Image::parse(elf).map_err(|error| anyhow!(error))?;
-    let mut machine = Machine::new(Core::M4, &Board::mps2(), &parsed).map_err(|error| anyhow!(error))?;
+    let parsed = Image::parse(elf)?;
+    let mut machine = Machine::new(Core::M4, &Board::mps2(), &parsed)?;
     let (mut sent, mut packets) = (Packets::default(), 0);
     let mut notes = Vec::new();
     let mut meter = Meter::new(&program.map);
     let limit =
         u64::from(most_ticks(program)?) * u64::from(board::QEMU_CLOCK_HZ) / u64::from(program.map.tick_hz());
     loop {
-        let stop = machine.run(meter.answered_at().unwrap_or(limit)).map_err(|fault| anyhow!("{fault}"))?;
+        let stop = machine.run_until(meter.answered_at().unwrap_or(limit))?;
         let usage = machine.usage();
         let now = Moment { cycle: usage.cycles, awake: usage.cycles - usage.asleep };
-        if !machine.console.is_empty() {
-            let bytes = std::mem::take(&mut machine.console);
+        if !machine.semihosting.console.is_empty() {
+            let bytes = std::mem::take(&mut machine.semihosting.console);
             lines.take(&bytes, &mut |line| read(line, &mut notes, log))?;
         }
         match stop {
@@ -258,7 +258,7 @@ fn simulate(
             Stop::Exit(code) => bail!("the image on the simulated board ended with exit code {code}"),
             Stop::Limit if meter.answered(now) => {}
             Stop::Limit => bail!("the image on the simulated board did not come to an end"),
-            Stop::Sent(byte) => {
+            Stop::Sent { peripheral, byte } => {
                 meter.byte(now, sent.is_empty());
                 let Some(packet) = sent.take(byte) else { continue };
                 let mut through = |from_servo, packet: &[u8]| {
@@ -268,9 +268,9 @@ fn simulate(
                 let answers = Packets::of(&recorder.receive_packet(&through(false, &packet)));
                 let answers: Vec<u8> = answers.iter().flat_map(|packet| through(true, packet)).collect();
                 meter.packet(now, answers.len(), recorder.ticks());
-                machine.answer(&answers);
+                machine.deliver(peripheral, &answers);
             }
-            Stop::Breakpoint(_) | Stop::Returned | Stop::Mark { .. } => {}
+            Stop::Breakpoint(_) | Stop::Returned | Stop::ItmWrite { .. } => {}
         }
     }
     Ok(Ran { recording: recorder.finish()?, notes, costs: meter.costs })

@@ -28,7 +28,7 @@ extern "C" fn start() -> ! {
 
 const CHANNELS: usize = 62;
 
-static CLIP: &[u8] = include_bytes!("../../vectors/qmd-segments.qmd");
+static CLIP: &[u8] = include_bytes!("../../vectors/v1/qmd-segments.qmd");
 static mut VALUES: [i32; 256] = [0; 256];
 static mut INDICES: [u8; 256] = [0; 256];
 
@@ -106,7 +106,7 @@ extern "C" fn divide() -> u32 {
     checksum(values)
 }
 
-/// A whole clip of `tests/vectors`, without a lent table.
+/// A whole clip of `tests/vectors/v1`, without a lent table.
 #[unsafe(no_mangle)]
 extern "C" fn decode() -> u32 {
     let mut pose = [I16F16::ZERO; 64];

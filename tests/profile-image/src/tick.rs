@@ -13,9 +13,9 @@ use core::hint::black_box;
 use cortex_m_rt::entry;
 use ends::{failed, finished};
 use firmware::decoder_list::SingleClip;
-use firmware::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use firmware::machine::{After, IdealServos, Machine, Show, Start, State};
 use firmware::map::{JointMap, MAX_SERVOS};
+use servo_wire::dynamixel::sync_write::{goal_positions, goal_positions_len};
 use store::{Decoder, Memory};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));

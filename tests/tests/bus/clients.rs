@@ -4,12 +4,12 @@ use crate::servos1::{self, Kind, Protocol1};
 use crate::servos2::{XSeries, packet};
 use crate::session::{BAUD, Port2, line, port, wire};
 use crate::wire::Wire;
-use firmware::bus::blocking::{Polled, PolledDelay, block_on};
-use firmware::bus::port::{Automatic, Line, Port};
-use firmware::bus::{BusError, ERROR_ALERT, ERROR_OVERLOAD, ERROR_WATCHDOG, Goal, Reading, ServoBus};
-use firmware::dynamixel::client::{BulkItem, FactoryReset};
-use firmware::dynamixel::{BROADCAST_ID, Client, DynamixelBus, MAX_ID};
-use firmware::protocol1;
+use servo_wire::blocking::{Polled, PolledDelay, block_on};
+use servo_wire::bus::{BusError, ERROR_ALERT, ERROR_OVERLOAD, ERROR_WATCHDOG, Goal, Reading, ServoBus};
+use servo_wire::dynamixel::client::{BulkItem, FactoryReset};
+use servo_wire::dynamixel::{BROADCAST_ID, Client, DynamixelBus, MAX_ID};
+use servo_wire::port::{Automatic, Line, Port};
+use servo_wire::protocol1;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 
@@ -97,7 +97,7 @@ fn reads_of_many_keep_the_good_answers() {
         });
         for way in 0..4 {
             let mut found = Vec::new();
-            let each = |at: usize, answer: firmware::dynamixel::client::Answer<'_>| {
+            let each = |at: usize, answer: servo_wire::dynamixel::client::Answer<'_>| {
                 found.push((IDS[at], i32::from_le_bytes(answer.data.try_into().unwrap())));
             };
             let (result, _) = match way {
@@ -128,7 +128,7 @@ fn bulk_reads_may_differ_and_bulk_writes_too() {
     for fast in [false, true] {
         let mut found = Vec::new();
         let each =
-            |_: usize, answer: firmware::dynamixel::client::Answer<'_>| found.push(answer.data.to_vec());
+            |_: usize, answer: servo_wire::dynamixel::client::Answer<'_>| found.push(answer.data.to_vec());
         let (result, _) = match fast {
             true => wire.run(client.fast_bulk_read(&items, each)),
             false => wire.run(client.bulk_read(&items, each)),
@@ -168,7 +168,7 @@ fn indirect_addresses_are_written_only_where_they_differ() {
 fn what_does_not_fit_the_buffer_is_said_before_anything_is_sent() {
     let wire = wire(XSeries::new(&IDS), None, line(false));
     let mut client = Client::<_, _, _, 32>::new(port(&wire, line(false)));
-    let each = |_: usize, _: firmware::dynamixel::client::Answer<'_>| {};
+    let each = |_: usize, _: servo_wire::dynamixel::client::Answer<'_>| {};
     assert_eq!(wire.run(client.read(1, 0, &mut [0; 100])).0, Err(BusError::TooMany));
     assert_eq!(wire.run(client.write(1, 0, &[0; 100])).0, Err(BusError::TooMany));
     assert_eq!(wire.run(client.fast_sync_read(0, 30, &[1], each)).0, Err(BusError::TooMany));

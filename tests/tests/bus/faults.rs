@@ -2,8 +2,8 @@
 
 use crate::session::{BAUD, IDS, Look, Rig, ax, dynamixel, dynamixel_plain, feetech, line};
 use crate::wire::Fault;
-use firmware::bus::ServoBus;
-use firmware::feetech::Series;
+use servo_wire::bus::ServoBus;
+use servo_wire::feetech::Series;
 use std::collections::BTreeMap;
 
 /// All faults of a packet of this length.
@@ -89,7 +89,7 @@ fn feetech_scs_with_an_echo_survives_every_fault_at_every_packet() {
 #[test]
 fn slow_lines_work_too() {
     for baud in [9600, 57_600, 115_200, 4_000_000] {
-        let slow = firmware::bus::port::Line { baud, ..line(false) };
+        let slow = servo_wire::port::Line { baud, ..line(false) };
         assert_eq!(BAUD, line(false).baud);
         dynamixel(&IDS[..3], slow, None).play().map(drop).unwrap_or_else(|error| panic!("{baud}: {error}"));
     }

@@ -5,12 +5,12 @@ use crate::servos1;
 use crate::servos2;
 use crate::session::{Port2, line, port, wire};
 use crate::wire::{Servos, Wire};
-use firmware::blender::Parser;
-use firmware::bus::{Goal, Reading, ServoBus};
-use firmware::dynamixel::bus::BLOCK_LEN;
-use firmware::dynamixel::{self, DynamixelBus};
-use firmware::feetech::{FeetechBus, Series};
-use firmware::protocol1::{self, Protocol1Bus};
+use servo_wire::blender::Parser;
+use servo_wire::bus::{Goal, Reading, ServoBus};
+use servo_wire::dynamixel::bus::BLOCK_LEN;
+use servo_wire::dynamixel::{self, DynamixelBus};
+use servo_wire::feetech::{FeetechBus, Series};
+use servo_wire::protocol1::{self, Protocol1Bus};
 
 const IDS: [u8; 4] = [1, 2, 9, 252];
 

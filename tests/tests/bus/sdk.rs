@@ -6,10 +6,10 @@ use crate::servos2::XSeries;
 use crate::session::{Port2, line, port, wire};
 use crate::wire::{Servos, Wire};
 use bunraku_tests::{python, workspace};
-use firmware::dynamixel::client::{Answer, BulkItem, FactoryReset};
-use firmware::dynamixel::{BROADCAST_ID, Client};
-use firmware::protocol1;
 use serde_json::{Value, json};
+use servo_wire::dynamixel::client::{Answer, BulkItem, FactoryReset};
+use servo_wire::dynamixel::{BROADCAST_ID, Client};
+use servo_wire::protocol1;
 use std::io::Write;
 use std::process::{Command, Stdio};
 

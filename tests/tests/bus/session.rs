@@ -3,11 +3,11 @@
 use crate::servos1::{Kind, Protocol1};
 use crate::servos2::XSeries;
 use crate::wire::{Fault, Servos, Wire};
-use firmware::bus::port::{Line, Port};
-use firmware::bus::{BusError, Goal, Reading, ServoBus};
-use firmware::dynamixel::{self, DynamixelBus};
-use firmware::feetech::{FeetechBus, Series};
-use firmware::protocol1::{self, Protocol1Bus};
+use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
+use servo_wire::dynamixel::{self, DynamixelBus};
+use servo_wire::feetech::{FeetechBus, Series};
+use servo_wire::port::{Line, Port};
+use servo_wire::protocol1::{self, Protocol1Bus};
 
 /// Ticks from the restart on, the last of which must find all well.
 const SETTLE: u32 = 20;

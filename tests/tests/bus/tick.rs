@@ -3,11 +3,11 @@
 use crate::servos1::{Kind, Protocol1};
 use crate::servos2::XSeries;
 use crate::session::{BAUD, Bus2, line, port, wire};
-use firmware::bus::port::Line;
-use firmware::bus::{Goal, ServoBus};
-use firmware::dynamixel::{self, DynamixelBus};
-use firmware::feetech::{self, FeetechBus, Series};
-use firmware::protocol1::{self, Protocol1Bus};
+use servo_wire::bus::{Goal, ServoBus};
+use servo_wire::dynamixel::{self, DynamixelBus};
+use servo_wire::feetech::{self, FeetechBus, Series};
+use servo_wire::port::Line;
+use servo_wire::protocol1::{self, Protocol1Bus};
 
 const SERVOS: usize = 20;
 

@@ -4,7 +4,6 @@ use crate::fuzz::{DecoderList, shelf};
 use crate::virtual_device::map;
 use decoder_core::mclip::CodecId;
 use encoder::mclip::{Encoder, Quality, Settings};
-use firmware::bus::Reading;
 use firmware::device::{Device, Identity};
 use firmware::fault::Feedback;
 use firmware::link::frame::{Deframer, OVERHEAD, crc32, wire_len, write};
@@ -15,6 +14,7 @@ use firmware::machine::{Action, Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
 use firmware::store::Status;
 use mocap::sample;
+use servo_wire::bus::Reading;
 
 #[test]
 fn flash_that_stalls_is_written_at_rest_in_every_second_tick() {

@@ -6,7 +6,6 @@ use bunraku_fuzz::mutate::mutate;
 use decoder_core::mclip::{CodecId, Needs};
 use decoder_core::{I16F16, Limits};
 use encoder::mclip::{Encoder, Quality};
-use firmware::bus::Reading;
 use firmware::clips::{Clips, LIVE, Mailbox, Worker, Workspace, decode};
 use firmware::clock::Speed;
 use firmware::device::{Device, Identity};
@@ -21,6 +20,7 @@ use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use host_sim::flash::Flash;
 use mocap::sample;
+use servo_wire::bus::Reading;
 
 /// Frames in CI.
 const FRAMES: usize = 20_000;

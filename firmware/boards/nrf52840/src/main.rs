@@ -17,9 +17,9 @@ use embassy_nrf::gpio::{Input, Level, Output, OutputDrive, Pull};
 use embassy_nrf::peripherals::{UARTE0, UARTE1};
 use embassy_nrf::uarte::{self, Baudrate};
 use embassy_nrf::wdt::{self, Watchdog};
-use firmware::bus::port::Line;
 use firmware::device::Identity;
 use firmware::machine::Start;
+use servo_wire::port::Line;
 
 bind_interrupts!(struct Interrupts {
     UARTE0 => InterruptHandler<UARTE0>;

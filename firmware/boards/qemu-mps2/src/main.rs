@@ -8,8 +8,8 @@ mod uart;
 
 use board_support::{Button, Puppet, Wiring};
 use embassy_executor::Spawner;
-use firmware::bus::port::{Automatic, Line};
 use firmware::machine::Start;
+use servo_wire::port::{Automatic, Line};
 
 /// How late servos may answer. Those of QEMU live in another process on a machine that has other things to do; nothing
 /// here waits that long unless one is missing.

@@ -15,14 +15,11 @@ mod uart;
 use core::pin::pin;
 use embassy_executor::Spawner;
 use embassy_time::{Delay, Duration, Instant, Timer};
-use firmware::bus::port::{Automatic, Line, Port};
 use firmware::clips::{Mailbox, WithLive, Worker, decode};
 #[allow(unused_imports, reason = "not every show sets a speed")]
 use firmware::clock::Speed;
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::decoder_list::DecoderList;
-use firmware::dynamixel::bus::DynamixelBus;
-use firmware::dynamixel::client::Client;
 use firmware::fault::{Fault, Feedback};
 use firmware::library::Library;
 #[allow(unused_imports, reason = "not every show has commands")]
@@ -31,6 +28,9 @@ use firmware::map::{JointMap, MAX_SERVOS};
 use firmware::script::{Order, Script};
 use firmware::sender::{STREAM, Sender, StreamMemory};
 use firmware::stream::{Counters, Live, Made};
+use servo_wire::dynamixel::bus::DynamixelBus;
+use servo_wire::dynamixel::client::Client;
+use servo_wire::port::{Automatic, Line, Port};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 

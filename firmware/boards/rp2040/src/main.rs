@@ -18,11 +18,11 @@ use embassy_rp::uart::{BufferedInterruptHandler, BufferedUart, Config, Error};
 use embassy_rp::watchdog::Watchdog;
 use embassy_time::Duration;
 use embedded_io_async::{ErrorType, Read, Write};
-use firmware::bus::port::Line;
 use firmware::device::Identity;
 use firmware::machine::Start;
 use firmware::map::BusKind;
-use firmware::pwm::{COUNTS_HZ, Timing};
+use servo_wire::port::Line;
+use servo_wire::pwm::{COUNTS_HZ, Timing};
 
 bind_interrupts!(struct Interrupts {
     UART0_IRQ => BufferedInterruptHandler<UART0>;

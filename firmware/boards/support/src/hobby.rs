@@ -4,11 +4,11 @@ use core::convert::Infallible;
 use embassy_time::Delay;
 use embedded_hal::pwm;
 use embedded_hal_async::i2c::{self, I2c};
-use firmware::bus::ServoBus;
-use firmware::bus::mixed::{Mixed, Part, Parts, mixed};
+use firmware::bus::{Mixed, Part, Parts, mixed};
 use firmware::map::{BusKind, JointMap, MAX_SERVOS};
-use firmware::pca9685::{CHANNELS, OSCILLATOR_HZ, Pca9685Bus};
-use firmware::pwm::{Calibration, Channel, PwmBus, SetDutyCycle, Timing};
+use servo_wire::bus::ServoBus;
+use servo_wire::pca9685::{CHANNELS, OSCILLATOR_HZ, Pca9685Bus};
+use servo_wire::pwm::{Calibration, Channel, PwmBus, SetDutyCycle, Timing};
 
 /// What a board has for hobby servos; `None` where its puppet has none.
 pub struct Hobby<I, P, const N: usize> {

@@ -10,20 +10,20 @@ use embassy_time::{Delay, Duration, Instant};
 use embedded_hal::digital::{InputPin, OutputPin};
 use embedded_hal_async::i2c::I2c;
 use embedded_io_async::{Read, Write};
-use firmware::bus::port::Port;
 use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::device::{Device, Identity};
-use firmware::dynamixel::bus::DynamixelBus;
-use firmware::dynamixel::client::Client;
 use firmware::fault::Feedback;
 use firmware::link::message::DATA_BYTES;
 use firmware::link::session::Session;
 use firmware::machine::Machine;
 use firmware::map::MAX_SERVOS;
-use firmware::pwm::SetDutyCycle;
 use firmware::store::{Layout, MappedFlash, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
+use servo_wire::dynamixel::bus::DynamixelBus;
+use servo_wire::dynamixel::client::Client;
+use servo_wire::port::Port;
+use servo_wire::pwm::SetDutyCycle;
 
 /// Most channels of a clip.
 const CHANNELS: usize = 128;

@@ -5,15 +5,15 @@ use core::num::NonZeroU16;
 use embassy_time::{Delay, Duration, Instant, Timer};
 use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
 use embedded_io_async::{Read, Write};
-use firmware::bus::port::{Line, Port};
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::decoder_list::SingleClip;
-use firmware::dynamixel::bus::DynamixelBus;
-use firmware::dynamixel::client::Client;
 use firmware::fault::{Fault, Feedback};
 use firmware::library::Library;
 use firmware::machine::{After, Command, Machine, Show, Start, State};
 use firmware::map::{BusKind, JointMap, MAX_SERVOS};
+use servo_wire::dynamixel::bus::DynamixelBus;
+use servo_wire::dynamixel::client::Client;
+use servo_wire::port::{Line, Port};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 
@@ -31,7 +31,7 @@ pub(crate) const SHOW: Show<'static> =
 pub struct Wiring<U, D, T, W> {
     /// The servo bus, at [`Puppet::baud`]. Its reads are buffered and can be cancelled.
     pub uart: U,
-    /// High to send, or [`Automatic`](firmware::bus::port::Automatic).
+    /// High to send, or [`Automatic`](servo_wire::port::Automatic).
     pub direction: D,
     /// What is to be known of the bus.
     pub line: Line,

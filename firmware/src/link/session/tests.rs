@@ -1,5 +1,4 @@
 use super::*;
-use crate::bus::Reading;
 use crate::clips::LIVE;
 use crate::link::cobs_writer::CobsWriter;
 use crate::link::frame::FrameError;
@@ -11,6 +10,7 @@ use crate::play_error::PlayError;
 use crate::stream::{Counters, Progress};
 use decoder_core::{Error, Field};
 use proptest::prelude::*;
+use servo_wire::bus::Reading;
 use std::collections::VecDeque;
 use std::vec::Vec as List;
 
@@ -275,7 +275,7 @@ fn the_largest_answers_fit() {
         missed: u32::MAX,
         busy: u32::MAX,
         busiest: u32::MAX,
-        bus: Some(crate::bus::BusError::Refused(255)),
+        bus: Some(servo_wire::bus::BusError::Refused(255)),
         stream: Some(stream),
         link: LinkCounts { damaged: u32::MAX, repeated: u32::MAX, unknown: u32::MAX, dropped: u32::MAX },
         servos: core::iter::repeat_n(servo, MAX_SERVOS).collect(),

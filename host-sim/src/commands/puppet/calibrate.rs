@@ -1,11 +1,11 @@
 //! `bunraku puppet calibrate`.
 
 use anyhow::{Context, Result, anyhow, bail};
-use firmware::bus::{Reading, ServoBus};
 use firmware::map::{BusKind, BusSpec};
 use host_sim::ports::{self, SerialBus};
 use host_sim::puppet::calibrate::Measured;
 use host_sim::puppet::{Channels, Named, Puppet};
+use servo_wire::bus::{Reading, ServoBus};
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;

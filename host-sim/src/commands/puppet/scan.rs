@@ -1,13 +1,13 @@
 //! `bunraku puppet scan`.
 
 use anyhow::{Result, anyhow, bail};
-use firmware::bus::{
-    BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE, Reading,
-};
 use firmware::map::{BusKind, BusSpec};
 use host_sim::ports::{self, Identity, SerialBus};
 use host_sim::puppet::{Named, Puppet, models};
 use serde::Serialize;
+use servo_wire::bus::{
+    BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE, Reading,
+};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,0 +1,273 @@
+//! Servos of the X series as a [`ServoBus`]: a Sync Write and a Fast Sync Read each tick.
+//!
+//! What a tick reads lies apart in the control table; indirect addresses bring it together
+//! ([`Client::set_indirect`]), once for each servo and again after its restart.
+
+use super::client::{Answer, Client, joint_answer_len};
+use super::packet::{OVERHEAD, max_packet_len};
+use super::sync_write::{goal_positions, goal_positions_len};
+use super::table::{
+    BUS_WATCHDOG, GOAL_POSITION, HARDWARE_ERROR_STATUS, INDIRECT_DATA, PRESENT_CURRENT,
+    PRESENT_INPUT_VOLTAGE, PRESENT_POSITION, PRESENT_TEMPERATURE, Register, TORQUE_ENABLE,
+};
+use crate::bus::MAX_SERVOS;
+use crate::bus::{BusError, ERROR_ALERT, ERROR_WATCHDOG, Goal, Reading, ServoBus};
+use crate::port::Line;
+use crate::roll::{Ask, InTurn, PROBE_EXCHANGES, Roll, SET_UP_EXCHANGES};
+use embedded_hal::digital::OutputPin;
+use embedded_hal_async::delay::DelayNs;
+use embedded_io_async::{Read, Write};
+use heapless::Vec;
+
+/// What a tick reads of a servo, in this order.
+const BLOCK: [Register; 7] = [
+    TORQUE_ENABLE,
+    HARDWARE_ERROR_STATUS,
+    BUS_WATCHDOG,
+    PRESENT_CURRENT,
+    PRESENT_POSITION,
+    PRESENT_INPUT_VOLTAGE,
+    PRESENT_TEMPERATURE,
+];
+
+/// Bytes that a tick reads of a servo.
+pub const BLOCK_LEN: usize = 12;
+
+/// Address of each byte of the block.
+const ADDRESSES: [u16; BLOCK_LEN] = {
+    let mut addresses = [0; BLOCK_LEN];
+    let (mut at, mut register) = (0, 0);
+    while register < BLOCK.len() {
+        let mut byte = 0;
+        while byte < BLOCK[register].len {
+            addresses[at] = BLOCK[register].address + byte;
+            (at, byte) = (at + 1, byte + 1);
+        }
+        register += 1;
+    }
+    assert!(at == BLOCK_LEN);
+    addresses
+};
+
+/// Milliseconds that the servo's watchdog counts in.
+const WATCHDOG_UNIT_MS: u16 = 20;
+
+/// Bytes on the wire of a tick of this many servos: the Sync Write of their goals and the Fast Sync Read of their state with
+/// its answer, without stuffing, which adds a byte wherever a goal or a list of ids holds `FF FF FD`.
+#[must_use]
+pub const fn tick_bytes(servos: usize) -> usize {
+    let goals = OVERHEAD + 4 + servos * (1 + GOAL_POSITION.len as usize);
+    let question = OVERHEAD + 4 + servos;
+    goals + question + joint_answer_len(servos, BLOCK_LEN)
+}
+
+/// Servos of the X series (and MX with protocol 2.0) on one port, at most [`MAX_SERVOS`].
+///
+/// `N`: bytes of the longest packet, see [`Client`].
+#[derive(Debug)]
+pub struct DynamixelBus<U, D, T, const N: usize = 640> {
+    reader: Reader<U, D, T, N>,
+    roll: Roll,
+}
+
+/// What reads, apart from who is read.
+#[derive(Debug)]
+struct Reader<U, D, T, const N: usize> {
+    client: Client<U, D, T, N>,
+    fast: bool,
+    /// A bit for each servo: its indirect addresses are set.
+    ready: u32,
+}
+
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelBus<U, D, T, N> {
+    /// A bus that reads by Fast Sync Read.
+    pub const fn new(client: Client<U, D, T, N>) -> Self {
+        Self { reader: Reader { client, fast: true, ready: 0 }, roll: Roll::new() }
+    }
+
+    /// Reads by plain Sync Read instead, which servos with a firmware before version 45 need (MX: before 42). An
+    /// answer then takes 11 bytes and a return delay more.
+    #[must_use]
+    pub const fn with_plain_reads(mut self) -> Self {
+        self.reader.fast = false;
+        self
+    }
+
+    /// Gives the client back.
+    pub fn into_client(self) -> Client<U, D, T, N> {
+        self.reader.client
+    }
+
+    /// The client, for what the player does not need.
+    pub fn client(&mut self) -> &mut Client<U, D, T, N> {
+        &mut self.reader.client
+    }
+
+    /// Longest time in microseconds that [`write_goals`](ServoBus::write_goals) takes.
+    #[must_use]
+    pub const fn write_limit_us(line: &Line, servos: usize) -> u32 {
+        line.exchange_limit_us(goal_positions_len(servos), 0, 0)
+    }
+
+    /// Longest time in microseconds that [`read_all`](ServoBus::read_all) takes: two joint reads and three exchanges with
+    /// one servo, in a tick in which a servo falls silent; or one joint read and eight exchanges, when servos come back.
+    #[must_use]
+    pub const fn read_limit_us(line: &Line, servos: usize) -> u32 {
+        let answers = servos * max_packet_len(1 + BLOCK_LEN);
+        let joint = line.exchange_limit_us(max_packet_len(4 + servos), answers, servos);
+        let falling = joint.saturating_add(Self::single_limit_us(line, SET_UP_EXCHANGES));
+        let rising = Self::single_limit_us(line, PROBE_EXCHANGES);
+        joint.saturating_add(if falling > rising { falling } else { rising })
+    }
+
+    /// Longest time in microseconds of so many exchanges with one servo; of the other methods `ping` takes 3,
+    /// `set_torque` and `reboot` 1, `set_watchdog` 2 for each servo.
+    #[must_use]
+    pub const fn single_limit_us(line: &Line, exchanges: u32) -> u32 {
+        let longest = max_packet_len(2 + 2 * BLOCK_LEN);
+        line.exchange_limit_us(longest, longest, 1).saturating_mul(exchanges)
+    }
+}
+
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Reader<U, D, T, N> {
+    /// Sets up what a tick reads of the servo: two exchanges.
+    async fn prepare(&mut self, id: u8, index: usize) -> Result<(), BusError> {
+        self.client.set_indirect(id, 0, &ADDRESSES).await?;
+        self.ready |= bit(index);
+        Ok(())
+    }
+}
+
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U, D, T, N> {
+    fn ready(&self, index: usize) -> bool {
+        self.ready & bit(index) != 0
+    }
+
+    async fn together(
+        &mut self,
+        ids: &[u8],
+        places: &[u8],
+        readings: &mut [Option<Reading>],
+    ) -> Result<(), BusError> {
+        let asked: Vec<u8, MAX_SERVOS> =
+            places.iter().filter_map(|&place| ids.get(usize::from(place)).copied()).collect();
+        let mut restarted = 0;
+        let mut turn = InTurn::default();
+        let fast = self.fast;
+        let each = |at: usize, answer: Answer<'_>| {
+            let Some(&place) = places.get(at) else { return };
+            let Some(slot) = readings.get_mut(usize::from(place)) else { return };
+            let reading = reading(&answer);
+            // A joint answer names every servo in its place.
+            if fast {
+                *slot = reading;
+            } else if !turn.enter(at, slot, reading) {
+                return;
+            }
+            if reading.is_none() {
+                restarted |= bit(place.into());
+            }
+        };
+        let len = BLOCK_LEN as u16;
+        let result = match fast {
+            true => self.client.fast_sync_read(INDIRECT_DATA, len, &asked, each).await,
+            false => self.client.sync_read(INDIRECT_DATA, len, &asked, each).await,
+        };
+        self.ready &= !restarted;
+        result?;
+        let good = places.iter().any(|&place| readings.get(usize::from(place)).is_some_and(Option::is_some));
+        if good { Ok(()) } else { Err(BusError::Corrupt) }
+    }
+
+    async fn alone(&mut self, id: u8, index: usize) -> Result<Reading, BusError> {
+        if !self.ready(index) {
+            self.prepare(id, index).await?;
+        }
+        let mut data = [0; BLOCK_LEN];
+        let alert = self.client.read(id, INDIRECT_DATA, &mut data).await?;
+        reading(&Answer { alert, data: &data }).ok_or_else(|| {
+            self.ready &= !bit(index);
+            BusError::Corrupt
+        })
+    }
+}
+
+const fn bit(index: usize) -> u32 {
+    1_u32.wrapping_shl(index as u32)
+}
+
+/// The block as a reading; `None` after a restart, when the indirect addresses name themselves and all is 0: no servo
+/// that answers has a supply of 0 V.
+fn reading(answer: &Answer<'_>) -> Option<Reading> {
+    let &[torque, error, watchdog, c0, c1, p0, p1, p2, p3, v0, v1, temperature] =
+        answer.data.first_chunk::<BLOCK_LEN>()?;
+    let decivolts = u16::from_le_bytes([v0, v1]);
+    if decivolts == 0 {
+        return None;
+    }
+    let mut hardware_error = error & !(ERROR_WATCHDOG | ERROR_ALERT);
+    if answer.alert && hardware_error == 0 {
+        hardware_error |= ERROR_ALERT;
+    }
+    // The register is -1 once the watchdog has stopped the servo.
+    if watchdog == u8::MAX {
+        hardware_error |= ERROR_WATCHDOG;
+    }
+    Some(Reading {
+        position: i32::from_le_bytes([p0, p1, p2, p3]),
+        temperature: Some(temperature),
+        millivolts: Some(decivolts.saturating_mul(100)),
+        load: Some(i16::from_le_bytes([c0, c1])),
+        hardware_error,
+        torque: Some(torque != 0),
+    })
+}
+
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoBus for DynamixelBus<U, D, T, N> {
+    fn reads(&self, _index: usize) -> bool {
+        true
+    }
+
+    /// Also sets up what a tick reads of the servo.
+    async fn ping(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
+        let id = *ids.get(index).ok_or(BusError::TooMany)?;
+        self.reader.client.ping(id).await?;
+        self.reader.prepare(id, index).await?;
+        self.roll.answered(index);
+        Ok(())
+    }
+
+    async fn set_torque(&mut self, ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
+        let id = *ids.get(index).ok_or(BusError::TooMany)?;
+        self.reader.client.write(id, TORQUE_ENABLE.address, &[u8::from(on)]).await.map(drop)
+    }
+
+    async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
+        self.reader.client.send_packet(|buffer| goal_positions(buffer, goals)).await
+    }
+
+    async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
+        self.roll.call(&mut self.reader, ids, readings).await
+    }
+
+    async fn reboot(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
+        let id = *ids.get(index).ok_or(BusError::TooMany)?;
+        self.reader.ready &= !bit(index);
+        self.reader.client.reboot(id).await.map(drop)
+    }
+
+    /// Of up to 2.54 s in steps of 20 ms.
+    async fn set_watchdog(&mut self, ids: &[u8], millis: u16) -> Result<(), BusError> {
+        let units = millis.div_ceil(WATCHDOG_UNIT_MS).min(127) as u8;
+        let mut result = Ok(());
+        for &id in ids {
+            // Only 0 revives a servo that its watchdog has stopped.
+            let mut set = self.reader.client.write(id, BUS_WATCHDOG.address, &[0]).await;
+            if units > 0 && set.is_ok() {
+                set = self.reader.client.write(id, BUS_WATCHDOG.address, &[units]).await;
+            }
+            result = result.and(set.map(drop));
+        }
+        result
+    }
+}

@@ -1,0 +1,27 @@
+//! Servo buses: the bytes on the wire, and clients that speak them.
+//!
+//! `no_std`, no allocation. Nothing here panics or trusts a length that came over the wire.
+//!
+//! - [`bus`]: what a player asks of servos, whatever wire they hang on
+//! - [`dynamixel`]: Dynamixel protocol 2.0
+//! - [`protocol1`]: Dynamixel protocol 1.0, and the frame that Feetech servos share
+//! - [`feetech`]: Feetech STS, SMS and SCS
+//! - [`blender`]: the live frames of the Blender add-on Servo Animation
+//! - [`pwm`], [`pca9685`]: hobby servos
+//! - [`port`]: a half-duplex serial port; [`blocking`]: the same without an executor
+//! - [`both`]: two buses as one
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+
+pub mod blender;
+pub mod blocking;
+pub mod both;
+pub mod bus;
+pub mod dynamixel;
+pub mod feetech;
+pub mod pca9685;
+mod pending;
+pub mod port;
+pub mod protocol1;
+pub mod pwm;
+mod roll;
