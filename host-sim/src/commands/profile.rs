@@ -260,7 +260,7 @@ fn container(clip: &Clip<'_>, table: Table) -> Container {
             Container::Mclip {
                 codec: header.codec().id().name().to_owned(),
                 entropy: header.entropy().name().to_owned(),
-                blocks: clip.blocks(),
+                blocks: clip.block_count(),
                 lent_bytes: header.needs().bytes(),
             }
         }

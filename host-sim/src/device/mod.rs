@@ -143,7 +143,7 @@ fn store(config: &Config) -> Result<Store<Flash<SECTOR>>> {
     let sector = SECTOR as u32;
     let end = u32::try_from(sectors * SECTOR).context("the flash is larger than 4 GiB")?;
     let layout = Layout { directory: [0, sector], clips: 2 * sector..end };
-    let capacity = Needs { channels: CHANNELS, correlations: CHANNELS, words: WORDS };
+    let capacity = Needs { channels: CHANNELS, words: 4 * CHANNELS, halves: WORDS };
     Ok(Store::mount(flash, layout, capacity)?)
 }
 
