@@ -2,11 +2,10 @@
 
 use crate::Random;
 use firmware::clock::Speed;
-use firmware::link::cobs_writer::CobsWriter;
 use firmware::link::frame::{Deframer, OVERHEAD, wire_len, write};
 use firmware::link::message::{ANSWER_BYTES, Answer, REQUEST_BYTES, Refusal, Request, Response, VERSION};
 use firmware::link::session::Session;
-use firmware::link::wire::{Encode, decode_all};
+use firmware::link::wire::{Raw, decode_all};
 use firmware::machine::Command;
 use firmware::store::StoreError;
 
@@ -73,15 +72,6 @@ pub fn check(bytes: &[u8]) -> bool {
     !whole.0.is_empty() || sealed.0.len() > 1
 }
 
-/// Bytes as they are.
-struct Raw<'a>(&'a [u8]);
-
-impl Encode for Raw<'_> {
-    fn encode(&self, out: &mut CobsWriter<'_>) {
-        self.0.iter().for_each(|&byte| out.put(byte));
-    }
-}
-
 /// What a session asks for and answers.
 fn serve(chunks: &[&[u8]]) -> (Vec<String>, Vec<String>) {
     let (mut session, mut reply) = (Session::new(), Deframer::<{ ANSWER_BYTES + OVERHEAD }>::new());
@@ -104,8 +94,7 @@ fn serve(chunks: &[&[u8]]) -> (Vec<String>, Vec<String>) {
             let mut outgoing = outgoing.as_slice();
             while let Some(frame) = reply.feed(&mut outgoing) {
                 let frame = frame.unwrap_or_else(|error| panic!("{error}"));
-                let answer: Answer =
-                    decode_all(frame.message).unwrap_or_else(|| panic!("an answer is none"));
+                let answer: Answer = decode_all(frame.message).unwrap_or_else(|| panic!("an answer is none"));
                 answers.push(format!("{} {answer:?}", frame.sequence));
             }
         }

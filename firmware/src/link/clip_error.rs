@@ -69,7 +69,7 @@ impl From<ClipError> for Error {
 }
 
 /// The fields by number. Numbers are never given again: new ones go to the end.
-pub(super) const FIELDS: [(u32, Field); 34] = [
+pub(super) const FIELDS: [(u32, Field); 35] = [
     (0, Field::Frames),
     (1, Field::Channels),
     (2, Field::Rate),
@@ -103,18 +103,6 @@ pub(super) const FIELDS: [(u32, Field); 34] = [
     (30, Field::Entry),
     (31, Field::Payload),
     (32, Field::States),
-    (33, Field::Correlations),
-];
-
-/// The features by number.
-pub(super) const FEATURES: [(u32, Feature); 9] = [
-    (0, Feature::Pcm),
-    (1, Feature::MuLaw),
-    (2, Feature::Dpcm),
-    (3, Feature::AdaptiveStep),
-    (4, Feature::AdaptivePredictor),
-    (5, Feature::Lookup),
-    (6, Feature::FixedWidth),
-    (7, Feature::Huffman),
-    (8, Feature::AdaptiveHuffman),
+    (33, Field::Words),
+    (34, Field::Halves),
 ];

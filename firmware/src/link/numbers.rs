@@ -3,7 +3,7 @@
 //! docs/LINK.md has the same numbers, and a test holds page and code against each other. They only grow: a number that was
 //! given once is not given again, nothing is inserted, and a field is neither added, nor moved, nor of another type.
 
-use super::clip_error::{ClipError, FEATURES, FIELDS};
+use super::clip_error::{ClipError, FIELDS};
 use super::cobs_writer::CobsWriter;
 use super::message::{
     Answer, ClipInfo, Event, Hello, LinkCounts, Playing, Refusal, Request, Response, ServoInfo, Streaming,
@@ -19,6 +19,7 @@ use crate::map::MAX_SERVOS;
 use crate::play_error::PlayError;
 use crate::store::{Name, StoreError};
 use crate::stream::{Counters, Progress, StreamError};
+use decoder_core::mclip::{CodecId, EntropyId};
 use decoder_core::{Error, Feature, Field};
 use embedded_storage::nor_flash::NorFlashErrorKind;
 use heapless::{String, Vec};
@@ -207,6 +208,32 @@ wire_enum! { ClipError {
     7 NotLinked { feature: Feature },
 }}
 
+wire_enum! { Feature {
+    0 Codec(codec: CodecId),
+    1 Part { codec: CodecId, part: u8 },
+    2 Entropy(stage: EntropyId),
+}}
+
+/// Codecs and entropy stages have the numbers of docs/FORMAT.md.
+macro_rules! wire_id {
+    ($name:ident) => {
+        impl Encode for $name {
+            fn encode(&self, out: &mut CobsWriter<'_>) {
+                self.id().encode(out);
+            }
+        }
+
+        impl Decode<'_> for $name {
+            fn decode(input: &mut &[u8]) -> Option<Self> {
+                Self::from_id(u8::decode(input)?)
+            }
+        }
+    };
+}
+
+wire_id!(CodecId);
+wire_id!(EntropyId);
+
 impl Encode for Error {
     fn encode(&self, out: &mut CobsWriter<'_>) {
         ClipError::from(*self).encode(out);
@@ -242,7 +269,6 @@ macro_rules! wire_table {
 const HEADER: u32 = 11;
 
 wire_table!(Field, FIELDS, HEADER);
-wire_table!(Feature, FEATURES, 0u32);
 
 /// What a flash says, by number; all that has none is "other".
 const FLASH_ERRORS: [(u32, NorFlashErrorKind); 3] =

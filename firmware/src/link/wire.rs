@@ -21,6 +21,16 @@ pub trait Decode<'b>: Sized {
     fn decode(input: &mut &'b [u8]) -> Option<Self>;
 }
 
+/// A message's bytes as they are: what another version may send, or nobody.
+#[derive(Clone, Copy, Debug)]
+pub struct Raw<'b>(pub &'b [u8]);
+
+impl Encode for Raw<'_> {
+    fn encode(&self, out: &mut CobsWriter<'_>) {
+        self.0.iter().for_each(|&byte| out.put(byte));
+    }
+}
+
 /// Reads a message that takes all of the bytes.
 pub fn decode_all<'b, T: Decode<'b>>(bytes: &'b [u8]) -> Option<T> {
     let mut rest = bytes;

@@ -1,6 +1,5 @@
 //! Where a puppet is, and how its controller came up.
 
-
 /// Where a puppet is. A fault may be latched in each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

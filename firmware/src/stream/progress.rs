@@ -1,6 +1,5 @@
 //! How far a stream is, and what has happened to it.
 
-
 /// What has happened since the stream began. Saturates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
