@@ -12,6 +12,7 @@ use crate::store::{Name, StoreError};
 use crate::stream::{Counters, Progress, StreamError};
 use core::fmt;
 use heapless::{String, Vec};
+use serde::Serialize;
 use servo_wire::bus::{BusError, Reading};
 
 /// Version of the protocol. A device answers a hello of any version, and nothing else of another one.
@@ -177,7 +178,7 @@ pub struct ClipInfo {
 }
 
 /// How streaming goes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Streaming {
     /// How far the stream is.
     pub progress: Progress,
@@ -224,7 +225,7 @@ pub struct Telemetry {
 }
 
 /// Where a clip is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Playing {
     /// Its number.
     pub clip: u16,
@@ -235,7 +236,7 @@ pub struct Playing {
 }
 
 /// What was wrong on a link.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct LinkCounts {
     /// Frames that arrived damaged or cut.
     pub damaged: u32,
