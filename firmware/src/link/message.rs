@@ -140,7 +140,7 @@ pub enum Response {
 }
 
 /// Who a device is.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Hello {
     /// [`VERSION`] of the device.
     pub version: u8,
@@ -163,7 +163,7 @@ pub struct Hello {
 }
 
 /// A clip of a device.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ClipInfo {
     /// Its number.
     pub clip: u16,
@@ -249,7 +249,7 @@ pub struct LinkCounts {
 }
 
 /// A servo.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct ServoInfo {
     /// Its id.
     pub id: u8,
