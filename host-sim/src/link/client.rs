@@ -188,7 +188,7 @@ impl Client {
     ///
     /// # Errors
     /// As [`request`](Self::request), and [`LinkError::Silent`] where it never ends.
-    pub fn job(&mut self, request: &Request<'_>) -> Result<Response, LinkError> {
+    pub fn request_until_ready(&mut self, request: &Request<'_>) -> Result<Response, LinkError> {
         let start = Instant::now();
         let mut tries = 0;
         while start.elapsed() < JOB_TIME {
@@ -206,15 +206,15 @@ impl Client {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn command(&mut self, command: Command) -> Result<(), LinkError> {
-        self.done(&Request::Command(command))
+        self.request_done(&Request::Command(command))
     }
 
     /// Asks for what is done at once.
     ///
     /// # Errors
     /// As [`request`](Self::request).
-    pub fn done(&mut self, request: &Request<'_>) -> Result<(), LinkError> {
-        match self.job(request)? {
+    pub fn request_done(&mut self, request: &Request<'_>) -> Result<(), LinkError> {
+        match self.request_until_ready(request)? {
             Response::Done => Ok(()),
             other => Err(self.unexpected(&other)),
         }
@@ -248,10 +248,10 @@ impl Client {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn status(&mut self) -> Result<Telemetry, LinkError> {
-        self.done(&Request::Telemetry { millis: u16::MAX })?;
+        self.request_done(&Request::Telemetry { millis: u16::MAX })?;
         self.forget_events();
         let telemetry = self.telemetry(ANSWER_TIME * TRIES)?;
-        self.done(&Request::Telemetry { millis: 0 })?;
+        self.request_done(&Request::Telemetry { millis: 0 })?;
         telemetry.ok_or_else(|| LinkError::Silent {
             port: self.name.clone(),
             tries: 1,
