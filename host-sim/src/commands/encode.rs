@@ -7,8 +7,8 @@ use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::codec::encode::OptionError;
 use encoder::mclip::{Encoder, Encoding, Target};
 use encoder::qmd::{self, Parameters};
+use host_sim::cycle_limit::{self, Goal, Limit};
 use host_sim::files;
-use host_sim::within::{self, Goal, Limit};
 use indicatif::ProgressBar;
 use mocap::Clip;
 use mocap::metrics::Evaluator;
@@ -153,7 +153,7 @@ fn mclip(args: &Args, encoding: &Encoding, clip: &Clip) -> Result<(Vec<u8>, Code
     };
     if let Some(limit) = args.max_cycles {
         let goal = args.bits.map_or(Goal::Target(target), Goal::Bits);
-        return within(args, encoding, &encoder, &evaluator, goal, limit);
+        return best_within(args, encoding, &encoder, &evaluator, goal, limit);
     }
     if let Some(bits) = args.bits {
         return Ok((encoder.encode(encoding, encoder::mclip::Quality::Bits(bits))?, codec));
@@ -178,7 +178,7 @@ fn mclip(args: &Args, encoding: &Encoding, clip: &Clip) -> Result<(Vec<u8>, Code
 }
 
 /// The best clip whose most expensive frame is within a limit.
-fn within(
+fn best_within(
     args: &Args,
     base: &Encoding,
     encoder: &Encoder<'_>,
@@ -186,17 +186,17 @@ fn within(
     goal: Goal,
     limit: Limit,
 ) -> Result<(Vec<u8>, CodecId)> {
-    let candidates = within::candidates(base, args.codec, args.entropy);
+    let candidates = cycle_limit::candidates(base, args.codec, args.entropy);
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(Duration::from_millis(100));
     let tell = &mut |what| spinner.set_message(what);
-    let found = within::best(encoder, evaluator, &candidates, goal, limit, tell);
+    let found = cycle_limit::best_clip(encoder, evaluator, &candidates, goal, limit, tell);
     spinner.finish_and_clear();
     let found = found?;
     eprintln!(
         "{}: {}; a frame takes at most {} cycles on {}, {:.4} cm",
         args.output.display(),
-        within::name(&found.encoding),
+        cycle_limit::describe(&found.encoding),
         found.cycles_max,
         limit.core.name(),
         found.encoded.mean_joint_cm

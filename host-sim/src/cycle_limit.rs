@@ -47,7 +47,7 @@ pub enum Goal {
 
 /// A clip that was tried.
 #[derive(Clone, Debug)]
-pub struct Tried {
+pub struct TriedClip {
     /// What it was encoded with.
     pub encoding: Encoding,
     /// The clip.
@@ -75,7 +75,7 @@ pub fn candidates(base: &Encoding, codec: Option<CodecId>, entropy: Option<Entro
 }
 
 /// A sentence's name for an encoding, for instance `dpcm, second order, huffman`.
-pub fn name(encoding: &Encoding) -> String {
+pub fn describe(encoding: &Encoding) -> String {
     let entropy = encoding.entropy.map_or("smallest", EntropyId::name);
     let parts = [encoding.codec.id().name(), &encoding.codec.encoder().describe(), entropy];
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
@@ -102,17 +102,17 @@ pub fn header_core(number: u8) -> Option<Core> {
 /// # Errors
 /// Where none is within the limit, a sentence that names the one with the fewest cycles; those of building and running
 /// images.
-pub fn best(
+pub fn best_clip(
     encoder: &Encoder<'_>,
     evaluator: &Evaluator,
     candidates: &[Encoding],
     goal: Goal,
     limit: Limit,
     progress: &mut dyn FnMut(String),
-) -> Result<Tried> {
+) -> Result<TriedClip> {
     let mut clips = Vec::new();
     for encoding in candidates {
-        progress(format!("encoding as {}", name(encoding)));
+        progress(format!("encoding as {}", describe(encoding)));
         let encoded = match goal {
             Goal::Bits(bits) if bits > encoding.most_bits() => continue,
             Goal::Bits(bits) => encoder.measured(encoding, Quality::Bits(bits), evaluator)?,
@@ -127,11 +127,12 @@ pub fn best(
         _ => encoded.bytes.len() as f64,
     };
     clips.sort_by(|(_, one), (_, other)| cost(one).total_cmp(&cost(other)));
-    let mut least: Option<Tried> = None;
+    let mut least: Option<TriedClip> = None;
     for (encoding, encoded) in clips {
-        progress(format!("counting cycles of {}", name(encoding)));
-        let (bytes, cycles_max) = certified(&encoded.bytes, limit.core).with_context(|| name(encoding))?;
-        let tried = Tried { encoding: *encoding, encoded: Encoded { bytes, ..encoded }, cycles_max };
+        progress(format!("counting cycles of {}", describe(encoding)));
+        let (bytes, cycles_max) =
+            certified(&encoded.bytes, limit.core).with_context(|| describe(encoding))?;
+        let tried = TriedClip { encoding: *encoding, encoded: Encoded { bytes, ..encoded }, cycles_max };
         if cycles_max <= limit.cycles {
             return Ok(tried);
         }
@@ -144,7 +145,7 @@ pub fn best(
         "the fewest cycles of a worst frame on {} are {}, with {} in {} bytes, above the limit of {}",
         limit.core.name(),
         least.cycles_max,
-        name(&least.encoding),
+        describe(&least.encoding),
         least.encoded.bytes.len(),
         limit.cycles
     )
@@ -200,8 +201,8 @@ mod tests {
         assert_eq!(given, [expected]);
         let free = candidates(&Encoding::new(CodecId::Dpcm), None, None);
         assert_eq!(free.len(), 5 * 2);
-        assert_eq!(name(&free[0]), "pcm, huffman");
-        assert_eq!(name(&free[3]), "dpcm, last value, fixed-width");
-        assert_eq!(name(&given[0]), "adpcm, adaptive predictor, adaptive step, fixed-width");
+        assert_eq!(describe(&free[0]), "pcm, huffman");
+        assert_eq!(describe(&free[3]), "dpcm, last value, fixed-width");
+        assert_eq!(describe(&given[0]), "adpcm, adaptive predictor, adaptive step, fixed-width");
     }
 }
