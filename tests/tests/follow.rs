@@ -6,8 +6,6 @@ use bunraku_tests::clock::SimulatedClock;
 use bunraku_tests::{bunraku, workspace};
 use host_sim::play::virtual_bus;
 use host_sim::ports::{self, Clock};
-use host_sim::servos::pins::Board;
-use host_sim::servos::{Bus, BusConfig, Event, ServoConfig};
 use puppet_file::Puppet;
 use std::cell::{Cell, RefCell};
 use std::fs::{self, File};
@@ -18,6 +16,10 @@ use std::sync::atomic::AtomicUsize;
 use std::sync::mpsc::channel;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+use virtual_servos::config::ServoConfig;
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::hobby::HobbyBoard;
+use virtual_servos::virtual_bus::{Event, VirtualBus};
 
 /// The servo that is moved, and how far it goes.
 const HEAD: u8 = 2;
@@ -75,7 +77,9 @@ fn follow(late: Duration) -> Followed {
     let map = puppet.map(puppet.channels().unwrap()).unwrap();
     let joints = map.joints().iter();
     let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
-    let mut servos = Bus::new(&BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) }).unwrap();
+    let mut servos =
+        DynamixelServos::new(&DynamixelConfig { servos: servos.collect(), ..DynamixelConfig::with_ids(&[]) })
+            .unwrap();
     let (sender, receiver) = channel();
     let (states, told, open) = (RefCell::new(Vec::new()), RefCell::new(Vec::new()), Cell::new(None));
     let clock = SimulatedClock::new(|now| {
@@ -96,7 +100,7 @@ fn follow(late: Duration) -> Followed {
             }
         })
     };
-    let bus = virtual_bus(&map, &Board::default(), hear).unwrap();
+    let bus = virtual_bus(&map, &HobbyBoard::default(), hear).unwrap();
     let mut say = |state: &str| {
         if state == "Playing" {
             clock.wake_late(late);
