@@ -1,11 +1,10 @@
 //! Numbers, names and features of codecs and entropy stages, from their lists.
 
-use crate::codec::list::for_each_codec;
-use crate::entropy::list::for_each_stage;
+use crate::{for_each_codec, for_each_stage};
 use serde::{Deserialize, Serialize};
 
 macro_rules! ids {
-    ($(#[$about:meta])* $Id:ident { $($(#[$doc:meta])* $id:literal $Variant:ident($Type:ty) $name:literal [$($part:literal),*];)* }) => {
+    ($(#[$about:meta])* $Id:ident { $($(#[$doc:meta])* $id:literal $Variant:ident($module:ident $(<$life:lifetime>)?) $name:literal [$($part:literal),*];)* }) => {
         $(#[$about])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -340,7 +340,7 @@ mod tests {
             (1..a).for_each(|_| tree.count(symbol));
             (a, b) = (b, a + b);
         }
-        let mut lengths = std::vec::Vec::from_iter((0..16).map(|symbol| tree.code(symbol).1));
+        let mut lengths = Vec::from_iter((0..16).map(|symbol| tree.code(symbol).1));
         lengths.sort_unstable();
         assert_eq!(lengths[13..], [14, 15, 15]);
         // So a code of n bits takes a root of the (n + 2)th Fibonacci number.
