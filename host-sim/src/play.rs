@@ -4,14 +4,13 @@
 use crate::board;
 use crate::clip::Clip;
 use crate::files;
-use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
 use crate::rp2040js;
 use crate::servos::line::{Instantly, Line};
 use crate::servos::pins::Board;
 use anyhow::{Context, Result, anyhow, bail};
-use firmware::bus::{Parts, mixed};
+use firmware::bus::BoardBuses;
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::decoder_list::SingleClip;
 use firmware::fault::Feedback;
@@ -20,10 +19,11 @@ use firmware::library::Library;
 use firmware::machine::{Machine as Puppet, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::playback::Playback;
+use puppet_file::Map;
 use servo_wire::bus::ServoBus;
 use servo_wire::dynamixel::bus::DynamixelBus;
-use servo_wire::dynamixel::client::Client;
-use servo_wire::port::{Automatic, Line as Timing, Port};
+use servo_wire::dynamixel::client::DynamixelClient;
+use servo_wire::port::{Automatic, LineConfig, Port};
 use std::cell::RefCell;
 use std::future::Future;
 use std::io;
@@ -126,14 +126,14 @@ pub fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
 ) -> Result<impl ServoBus + use<F>> {
     let of = |kind: BusKind| map.buses().iter().find(|bus| bus.kind == kind);
     let baud = of(BusKind::Dynamixel).map_or(1, |bus| bus.baud);
-    let port = Port::new(Line::new(hear), Automatic, Instantly, Timing::uart(baud));
-    let serial = DynamixelBus::<_, _, _>::new(Client::new(port));
-    let parts = Parts {
+    let port = Port::new(Line::new(hear), Automatic, Instantly, LineConfig::uart(baud));
+    let serial = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
+    let buses = BoardBuses {
         serial: Some((BusKind::Dynamixel, serial)),
         pca9685: Some(board.pca9685()?),
         pwm: of(BusKind::Pwm).map(|spec| board.pwm(*spec)).transpose()?,
     };
-    Ok(mixed(map, parts)?)
+    Ok(buses.of_map(map)?)
 }
 
 /// Surroundings, and somebody who looks at the end of each tick.
@@ -276,8 +276,8 @@ pub fn seconds(micros: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::puppet::Puppet;
     use encoder::qmd::{Method, Parameters, decode, encode};
+    use puppet_file::Puppet;
     use std::path::Path;
 
     fn sample() -> (Vec<u8>, Map, mocap::Clip) {

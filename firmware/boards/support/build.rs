@@ -67,7 +67,7 @@ fn read(path: &Path) -> Vec<u8> {
 #[cfg(feature = "sample")]
 fn sample() -> (Vec<u8>, Vec<u8>) {
     use encoder::qmd::{Method, Parameters, encode};
-    use host_sim::puppet::Puppet;
+    use puppet_file::Puppet;
 
     let clip = mocap::sample::clip();
     let bytes = encode(&clip, Parameters::TABLE_1, Method::ClosedLoop).expect("the sample fits the format");

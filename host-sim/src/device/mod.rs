@@ -5,7 +5,6 @@ mod lines;
 pub use lines::{Lines, Listener};
 
 use crate::flash::Flash;
-use crate::puppet::Map;
 use crate::servos::line::{Instantly, Line};
 use crate::servos::{Bus, BusConfig, ServoConfig};
 use anyhow::{Context, Result, anyhow, bail};
@@ -20,8 +19,9 @@ use firmware::machine::{Machine, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
-use servo_wire::dynamixel::{Client, DynamixelBus};
-use servo_wire::port::{Automatic, Line as Timing, Port};
+use puppet_file::Map;
+use servo_wire::dynamixel::{DynamixelBus, DynamixelClient};
+use servo_wire::port::{Automatic, LineConfig, Port};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -87,8 +87,8 @@ pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> b
     let power_on = Instant::now();
     let line = Line::new(|bytes: &[u8]| servos.receive(bytes, micros(power_on.elapsed()), &mut |_| ()));
     let baud = map.buses().first().map_or(0, |bus| bus.baud);
-    let port = Port::new(line, Automatic, Instantly, Timing::uart(baud));
-    let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
+    let port = Port::new(line, Automatic, Instantly, LineConfig::uart(baud));
+    let mut bus = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
 
     let live = live(config);
     let clips = Clips::new(&[], Some(store(config)?), live, [worker(live), worker(live)]);
