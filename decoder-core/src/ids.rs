@@ -1,6 +1,7 @@
 //! Numbers, names and features of codecs and entropy stages, from their lists.
 
-use crate::{for_each_codec, for_each_stage};
+use crate::codec::list::for_each_codec;
+use crate::entropy::list::for_each_stage;
 use serde::{Deserialize, Serialize};
 
 macro_rules! ids {

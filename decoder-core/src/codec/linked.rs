@@ -1,12 +1,12 @@
 //! The codecs that were linked, behind one type; and their decoders.
 
 use super::contract::{FrameDecoder, Shape};
+use super::list::for_each_codec;
 use super::scalar::decoder::{self, ScalarDecoder};
 use super::scalar::linked::LinkedScalar;
 use crate::I16F16;
 use crate::channel::{Channel, Rules};
 use crate::error::Error;
-use crate::for_each_codec;
 use crate::ids::{CodecId, Feature};
 use crate::memory::{Memory, Needs};
 

@@ -28,3 +28,5 @@ macro_rules! for_each_codec {
         }
     };
 }
+
+pub(crate) use for_each_codec;

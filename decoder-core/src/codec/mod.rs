@@ -13,7 +13,7 @@
 
 pub mod contract;
 pub(crate) mod linked;
-mod list;
+pub(crate) mod list;
 pub mod scalar;
 
 macro_rules! modules {
@@ -26,7 +26,7 @@ macro_rules! modules {
     };
 }
 
-crate::for_each_codec!(modules);
+list::for_each_codec!(modules);
 
 pub use crate::ids::CodecId;
 pub use contract::{Codec, CodecWithDecoder, FrameDecoder, Shape};

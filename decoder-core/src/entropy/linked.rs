@@ -1,8 +1,8 @@
 //! The entropy stages that were linked, behind one type.
 
+use super::list::for_each_stage;
 use super::stage::{FrameLoops, Stage};
 use crate::error::Error;
-use crate::for_each_stage;
 use crate::ids::{EntropyId, Feature};
 use core::convert::Infallible;
 use core::marker::PhantomData;

@@ -15,3 +15,5 @@ macro_rules! for_each_stage {
         }
     };
 }
+
+pub(crate) use for_each_stage;

@@ -4,7 +4,7 @@
 //! a quantiser takes: a signed number. Prefix codes number them 0, −1, 1, −2, 2 …: these are their symbols.
 
 pub(crate) mod linked;
-mod list;
+pub(crate) mod list;
 pub mod stage;
 pub mod symbols;
 
@@ -14,7 +14,7 @@ macro_rules! modules {
     };
 }
 
-crate::for_each_stage!(modules);
+list::for_each_stage!(modules);
 
 pub use crate::ids::EntropyId;
 pub use adaptive_huffman::AdaptiveHuffman;

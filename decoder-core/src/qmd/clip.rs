@@ -1,6 +1,5 @@
 //! A clip that lies in memory: parsed once, read in place.
 
-use super::decoder::Decoder;
 use super::segment::{Header, Layout, SEGMENT_HEADER_BYTES, add_frames, check_level};
 use crate::error::{Error, Field, Limits};
 use crate::word::fixed_from_f32_bits;
@@ -95,22 +94,6 @@ impl<'a> Clip<'a> {
     /// Hierarchy level of every channel, 1 for the root's (section 3.2).
     pub const fn levels(&self) -> &'a [u8] {
         self.levels
-    }
-
-    /// A decoder before the first frame.
-    ///
-    /// `pose` holds the channels between frames, one element each. `table`, where it is lent, holds each
-    /// segment's table in fixed point: a frame that opens a segment then costs `2^b` conversions more, and the
-    /// others one load a channel instead of a conversion.
-    ///
-    /// # Errors
-    /// [`Error::OutputTooSmall`] where `pose` or `table` is.
-    pub fn decoder<'s>(
-        &self,
-        pose: &'s mut [I16F16],
-        table: Option<&'s mut [i32]>,
-    ) -> Result<Decoder<'a, 's>, Error> {
-        Decoder::new(*self, pose, table)
     }
 
     /// Puts the initial pose into `pose`, which has an element a channel.

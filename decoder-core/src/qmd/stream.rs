@@ -5,8 +5,9 @@
 //! buffer. Frames and errors are the same for every way to cut the bytes into chunks.
 
 use super::row;
-use super::segment::{Header, Layout, SEGMENT_HEADER_BYTES, add_frames, check_level, lent};
+use super::segment::{Header, Layout, SEGMENT_HEADER_BYTES, add_frames, check_level};
 use crate::error::{Error, Field, Limits};
+use crate::memory::front;
 use crate::word::fixed_from_f32_bits;
 use fixed::types::I16F16;
 
@@ -141,7 +142,7 @@ impl<'s> Stream<'s> {
             Expect::Row => {
                 if let Some(layout) = self.layout {
                     let channels = usize::from(layout.channels);
-                    let pose = lent(self.pose, channels, Field::Pose)?;
+                    let pose = front(self.pose, channels, Field::Pose)?;
                     if let Some((values, indices)) = row::add_floats(layout.fixed_channels, unit, pose) {
                         match self.words.first_chunk() {
                             Some(words) if layout.index_bits == 8 => row::add_words(values, indices, words),
@@ -166,9 +167,9 @@ impl<'s> Stream<'s> {
                 let layout = header.layout;
                 self.rows = header.rows;
                 add_frames(self.frames, header.rows, self.limits)?;
-                lent(self.pose, usize::from(layout.channels), Field::Pose)?;
-                lent(self.words, layout.table_len(), Field::Table)?;
-                lent(self.unit.buffer, layout.row_bytes(), Field::Rows)?;
+                front(self.pose, usize::from(layout.channels), Field::Pose)?;
+                front(self.words, layout.table_len(), Field::Table)?;
+                front(self.unit.buffer, layout.row_bytes(), Field::Rows)?;
                 Ok(match self.layout.replace(layout) {
                     None => Expect::Level { channel: 0 },
                     Some(_) => Expect::Entry { index: 0 },
