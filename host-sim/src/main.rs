@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 /// Fits recorded human motion to a puppet, compresses it, and plays it on servos.
 #[derive(Parser)]
-#[command(version, arg_required_else_help = true)]
+#[command(name = "bunraku", version, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -82,5 +82,16 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Rd(args) => commands::rd::run(args),
         Command::Train(args) => commands::train::run(args),
         Command::Wearable(args) => commands::wearable::run(args),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Cli;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_version_names_the_command() {
+        assert_eq!(Cli::command().render_version(), format!("bunraku {}\n", env!("CARGO_PKG_VERSION")));
     }
 }

@@ -187,8 +187,9 @@ fn certified(bytes: &[u8], core: Core) -> Result<(Vec<u8>, u64)> {
 /// Cycles of a clip's most expensive frame.
 fn worst_frame(bytes: &[u8], core: Core) -> Result<u64> {
     let clip = Clip::parse(Path::new("clip.mclip"), bytes)?;
-    let image = profile::mclip_images(bytes, &[core.target()], false)?.concat();
-    let measured = measure::run(core, &image, 0, &profile::frames(&clip)?, &mut || ())?;
+    let images = profile::mclip_images(bytes, &[core.target()], false)?;
+    let image = images.first().context("no image was built")?;
+    let measured = measure::frames(core, image, 0, &profile::frames(&clip)?, &mut || ())?;
     measured.frame_cycles.iter().copied().max().ok_or_else(|| anyhow!("the clip has no frames"))
 }
 
