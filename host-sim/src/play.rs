@@ -26,53 +26,16 @@ use servo_wire::dynamixel::client::DynamixelClient;
 use servo_wire::port::{Automatic, LineConfig, Port};
 use std::cell::RefCell;
 use std::future::Future;
-use std::io;
 use std::pin::pin;
 use std::task::{Context as TaskContext, Poll, Waker};
 use std::time::Duration;
 use thumb_cycles::{Core, Image, Machine, Usage};
 
 mod recorder;
+mod recording;
 
 pub(crate) use recorder::Recorder;
-
-/// A goal position that a servo took.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Taken {
-    /// The tick's time in microseconds: its number times the tick's period, rounded down.
-    pub time_us: u64,
-    /// The servo.
-    pub id: u8,
-    /// The goal position.
-    pub position: i32,
-}
-
-/// What the servos were told, in order.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Recording {
-    /// Ticks played.
-    pub ticks: u32,
-    /// Every goal of every servo.
-    pub goals: Vec<Taken>,
-    /// Where each servo was as each tick's goals came, in the order of the joint map.
-    pub present: Vec<Vec<i32>>,
-    /// Instructions that servos refused.
-    pub refused: u32,
-}
-
-impl Recording {
-    /// Writes the log: a header, then time in seconds, servo id and goal position, a line a goal.
-    ///
-    /// # Errors
-    /// Those of `file`.
-    pub fn write_csv(&self, file: &mut dyn io::Write) -> io::Result<()> {
-        writeln!(file, "time_s,servo,goal_position")?;
-        for Taken { time_us, id, position } in &self.goals {
-            writeln!(file, "{},{id},{position}", seconds(*time_us))?;
-        }
-        Ok(())
-    }
-}
+pub use recording::{Recording, Taken, seconds};
 
 /// Plays on this machine, as fast as it goes.
 ///
@@ -268,11 +231,6 @@ fn now<T>(future: impl Future<Output = T>) -> Result<T> {
     }
 }
 
-/// Microseconds as seconds, with all six decimals.
-pub fn seconds(micros: u64) -> String {
-    format!("{}.{:06}", micros / 1_000_000, micros % 1_000_000)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -340,10 +298,5 @@ mod tests {
         assert!(recorder.receive(&[0xff, 0xff, 0xfd, 0x00, 0xfe]).is_empty());
         let error = recorder.finish().unwrap_err();
         assert!(error.to_string().contains("cut"), "{error}");
-    }
-
-    #[test]
-    fn times_have_six_decimals() {
-        assert_eq!([0, 16_666, 61_000_001].map(seconds), ["0.000000", "0.016666", "61.000001"]);
     }
 }

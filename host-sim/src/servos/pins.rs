@@ -183,7 +183,7 @@ impl SetDutyCycle for Pin {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ports::run;
+    use crate::ports::block_on;
     use servo_wire::bus::{Goal, ServoBus};
 
     #[test]
@@ -193,12 +193,12 @@ mod tests {
         let (mut pca, mut pwm) = (board.pca9685().unwrap(), board.pwm(spec).unwrap());
         let goals = [Goal { id: 7, position: 1501 }, Goal { id: 2, position: 500 }];
         for index in 0..2 {
-            run(pca.set_torque(&[7, 2], index, true)).unwrap();
-            run(pwm.set_torque(&[7, 2], index, true)).unwrap();
+            block_on(pca.set_torque(&[7, 2], index, true)).unwrap();
+            block_on(pwm.set_torque(&[7, 2], index, true)).unwrap();
         }
         assert_eq!(board.pins().pulse_us(BusKind::Pca9685, 7), None);
-        run(pca.write_goals(&goals)).unwrap();
-        run(pwm.write_goals(&goals)).unwrap();
+        block_on(pca.write_goals(&goals)).unwrap();
+        block_on(pwm.write_goals(&goals)).unwrap();
         let pins = board.pins();
         assert_eq!([7, 2, 3].map(|id| pins.pulse_us(BusKind::Pwm, id)), [Some(1501), Some(500), None]);
         // A step is 4.88 µs: 308 and 102 of them are nearest.

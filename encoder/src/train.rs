@@ -4,15 +4,15 @@
 //! one multiplier after the other: what it should make small is the error that motions have after they were coded with codes of
 //! so many bits, each motion counting by the logarithm of its error, so that a lively one counts no more than a calm one.
 
-use super::multipliers::{FEWEST_BITS, TRAINED};
-use super::plan::{self, Choice};
-use super::{Encoder, Settings};
-use decoder_core::quantise::Adaptive;
+use crate::codec::adpcm::{Adpcm, MAGNITUDES, StepAdaptation, StepRule};
+use crate::codec::scalar::allocate::entropy;
+use crate::codec::scalar::contract::ScalarEncode;
+use crate::codec::scalar::simulate;
+use crate::column::{Choice, Column};
+use crate::error::EncodeError;
+use crate::mclip::encoder::{ENTRY_FRAMES, Encoder, Encoding};
 use decoder_core::quantise::step::MAX_STEP;
 use rayon::prelude::*;
-
-/// Magnitudes of a code of four bits.
-const MAGNITUDES: usize = 8;
 
 /// Largest magnitude of a multiplier that is tried, in eighths of its logarithm.
 const MOST: i8 = 32;
@@ -27,24 +27,6 @@ pub struct Score {
     pub entropy_bits: f64,
 }
 
-/// How steps adapt.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Steps {
-    /// log₂ of the step multipliers in eighths, for the magnitudes 0 to 7 of a code of four bits; of longer codes the
-    /// first four bits count, and shorter ones are as if zeros followed.
-    pub multipliers: [i8; MAGNITUDES],
-    /// Index of the lowest step. Where a channel rests its step falls, and all that is lower takes a frame more
-    /// for each two or three multiplications to follow when it moves again.
-    pub lowest: u8,
-}
-
-impl Steps {
-    /// The quantiser of a clip.
-    pub(super) fn quantiser(self) -> Adaptive {
-        Adaptive::new(plan::classes(self.multipliers), self.lowest, MAX_STEP)
-    }
-}
-
 /// A start for the lowest step: a thirtieth of a degree.
 const LOWEST: u8 = 64;
 
@@ -53,29 +35,14 @@ const LOWEST: u8 = 64;
 ///
 /// His quantiser has no code for 0, so its magnitudes begin half a step higher than ours; codes of more than 4 bits have
 /// the table of 4 by the same part of their range. The lowest step is ours to choose: a thirtieth of a degree.
-pub fn jayant(bits: u8) -> Steps {
+pub fn jayant(bits: u8) -> StepAdaptation {
     let beta: &[f64] = match bits {
         0..=2 => &[0.80, 1.60],
         3 => &[0.90, 0.90, 1.25, 1.75],
         _ => &[0.90, 0.90, 0.90, 0.90, 1.20, 1.60, 2.00, 2.40],
     };
     let multiplier = |class| (8.0 * f64::log2(beta[class * beta.len() / MAGNITUDES])).round() as i8;
-    Steps { multipliers: std::array::from_fn(multiplier), lowest: LOWEST }
-}
-
-/// The table that was trained for codes of so many bits, or the nearest number that one was trained for.
-pub fn trained(bits: u8) -> Steps {
-    let index = usize::from(bits.saturating_sub(FEWEST_BITS));
-    let (multipliers, lowest) = TRAINED[index.min(TRAINED.len() - 1)];
-    Steps { multipliers, lowest }
-}
-
-/// What steps that adapt like this come to on each motion with codes of `bits` bits, every channel having its best
-/// first step. Other settings are taken as they are.
-pub fn scores(encoders: &[Encoder<'_>], settings: &Settings, bits: u8, steps: Steps) -> Vec<Score> {
-    let settings = Settings { steps: Some(steps), ..*settings };
-    let choices = choices(encoders, &settings, bits);
-    encoders.iter().zip(&choices).map(|(encoder, choices)| score(encoder, &settings, choices)).collect()
+    StepAdaptation { multipliers: std::array::from_fn(multiplier), lowest: LOWEST }
 }
 
 /// What is changed to find something better.
@@ -87,49 +54,80 @@ pub enum Search {
     All,
 }
 
-/// Multipliers to begin with that move less than Jayant's: coordinates alone do not lead from there to here.
-const SLOW: Steps = Steps { multipliers: [-1, -1, 0, 0, 2, 4, 6, 8], lowest: LOWEST };
+/// StepAdaptation to begin with that move less than Jayant's: coordinates alone do not lead from there to here.
+const SLOW: StepAdaptation = StepAdaptation { multipliers: [-1, -1, 0, 0, 2, 4, 6, 8], lowest: LOWEST };
 
-/// The steps that are best for these motions and codes of `bits` bits. Other settings are taken as they are.
+/// What steps that adapt like this come to on each motion with codes of `bits` bits, every channel having its best
+/// first step. The predictor is that of `base`.
+///
+/// # Errors
+/// [`EncodeError::Refused`] where no header can have these settings.
+pub fn scores(
+    encoders: &[Encoder<'_>],
+    base: Adpcm,
+    bits: u8,
+    adaptation: StepAdaptation,
+) -> Result<Vec<Score>, EncodeError> {
+    let codec = Adpcm { step: StepRule::By(adaptation), ..base };
+    let choices = choices(encoders, codec, bits)?;
+    encoders.iter().zip(&choices).map(|(encoder, choices)| score(encoder, codec, choices)).collect()
+}
+
+/// The adaptation of steps that is best for these motions and codes of `bits` bits. The predictor is that of `base`.
 ///
 /// Codes the motions some hundred times.
-pub fn train(encoders: &[Encoder<'_>], settings: &Settings, bits: u8, search: Search) -> Steps {
-    let settings = |steps| Settings { steps: Some(steps), ..*settings };
+///
+/// # Errors
+/// [`EncodeError::Refused`] where no header can have these settings.
+pub fn train(
+    encoders: &[Encoder<'_>],
+    base: Adpcm,
+    bits: u8,
+    search: Search,
+) -> Result<StepAdaptation, EncodeError> {
+    let with = |adaptation| Adpcm { step: StepRule::By(adaptation), ..base };
     // First steps that owe nothing to the multipliers: the best of many for one table is lucky with it, and what is
     // tried next would not be.
-    let still = Steps { multipliers: [0; MAGNITUDES], lowest: 0 };
-    let choices = choices(encoders, &settings(still), bits);
-    let objective = |steps| -> f64 {
-        let parts = encoders.iter().zip(&choices);
-        parts.map(|(encoder, choices)| score(encoder, &settings(steps), choices).rms_cm.ln()).sum()
+    let choices = choices(encoders, with(StepAdaptation::STILL), bits)?;
+    let objective = |adaptation| -> Result<f64, EncodeError> {
+        let mut sum = 0.0;
+        for (encoder, choices) in encoders.iter().zip(&choices) {
+            sum += score(encoder, with(adaptation), choices)?.rms_cm.ln();
+        }
+        Ok(sum)
     };
-    let first = descend(objective, jayant(bits), bits, search);
+    let first = descend(objective, jayant(bits), bits, search)?;
     match search {
-        Search::Lowest => first.1,
+        Search::Lowest => Ok(first.1),
         Search::All => {
-            let second = descend(objective, SLOW, bits, search);
-            if second.0 < first.0 { second.1 } else { first.1 }
+            let second = descend(objective, SLOW, bits, search)?;
+            Ok(if second.0 < first.0 { second.1 } else { first.1 })
         }
     }
 }
 
 /// Moves one number after the other as long as that makes `objective` smaller; gives it too.
-fn descend(objective: impl Fn(Steps) -> f64, start: Steps, bits: u8, search: Search) -> (f64, Steps) {
-    let mut best = (objective(start), start);
-    let mut attempt = |changed: &dyn Fn(&mut Steps)| {
+fn descend(
+    objective: impl Fn(StepAdaptation) -> Result<f64, EncodeError>,
+    start: StepAdaptation,
+    bits: u8,
+    search: Search,
+) -> Result<(f64, StepAdaptation), EncodeError> {
+    let mut best = (objective(start)?, start);
+    let mut attempt = |changed: &dyn Fn(&mut StepAdaptation)| {
         let mut tried = best.1;
         changed(&mut tried);
-        let found = objective(tried);
+        let found = objective(tried)?;
         if found < best.0 {
             best = (found, tried);
         }
-        best
+        Ok::<_, EncodeError>(best)
     };
     let mut now = (f64::INFINITY, start);
     loop {
         let before = now.1;
         for by in [16, -16, 4, -4, 1, -1] {
-            now = attempt(&|steps| steps.lowest = steps.lowest.saturating_add_signed(by).min(MAX_STEP));
+            now = attempt(&|steps| steps.lowest = steps.lowest.saturating_add_signed(by).min(MAX_STEP))?;
         }
         for classes in classes(bits).iter().filter(|_| search == Search::All) {
             for by in [4, -4, 2, -2, 1, -1] {
@@ -137,11 +135,11 @@ fn descend(objective: impl Fn(Steps) -> f64, start: Steps, bits: u8, search: Sea
                     for multiplier in &mut steps.multipliers[classes.clone()] {
                         *multiplier = (*multiplier + by).clamp(-MOST, MOST);
                     }
-                });
+                })?;
             }
         }
         if now.1 == before {
-            return now;
+            return Ok(now);
         }
     }
 }
@@ -155,36 +153,36 @@ fn classes(bits: u8) -> Vec<std::ops::Range<usize>> {
     starts.into_iter().zip(ends).map(|(start, end)| start..end).collect()
 }
 
-fn choices(encoders: &[Encoder<'_>], settings: &Settings, bits: u8) -> Vec<Vec<Choice>> {
-    let settings = Settings { dead: 0, ..*settings };
-    let parameters = plan::parameters(&settings, &[]);
-    encoders.iter().map(|encoder| plan::by_bits(&encoder.columns, &settings, &parameters, bits)).collect()
+fn choices(encoders: &[Encoder<'_>], codec: Adpcm, bits: u8) -> Result<Vec<Vec<Choice>>, EncodeError> {
+    let each = encoders.iter().map(|encoder| codec.allocate_bits(&encoder.task(&Encoding::of(codec)), bits));
+    each.map(|allocation| Ok(allocation?.choices)).collect()
 }
 
-fn score(encoder: &Encoder<'_>, settings: &Settings, choices: &[Choice]) -> Score {
-    let settings = Settings { dead: 0, ..*settings };
-    let parameters = plan::parameters(&settings, &[]);
-    let channels = encoder.columns.par_iter().zip(choices).zip(&encoder.source.weights);
+fn score(encoder: &Encoder<'_>, codec: Adpcm, choices: &[Choice]) -> Result<Score, EncodeError> {
+    let parameters = codec.parameters(None);
+    let motion = encoder.motion();
+    let channels = motion.columns.par_iter().zip(choices).zip(&motion.source.weights);
     let sums = channels.filter(|((_, choice), _)| choice.bits > 0).map(|((column, choice), weight)| {
-        let coded = column.plan(&settings, &parameters, *choice).run(&column.targets);
-        let squares = weight * column.squared_error(&coded) / 65536.0 / 65536.0;
-        (squares, plan::entropy(&coded.codes), coded.codes.len())
+        // Every channel as if it were the first: where coefficients are solved for in turns, its own place counts little.
+        let column = Column { index: 0, ..column.clone() };
+        let coded = simulate::column(&codec, ENTRY_FRAMES, &column, &parameters, *choice, 0)?;
+        let squares = weight * column.squared_error(&coded.decoded) / 65536.0 / 65536.0;
+        Ok((squares, entropy(&coded.codes), coded.codes.len()))
     });
     // In the order of channels, so that the sum is the same on every run.
-    let sums: Vec<(f64, f64, usize)> = sums.collect();
+    let sums: Vec<(f64, f64, usize)> = sums.collect::<Result<_, EncodeError>>()?;
     let squares: f64 = sums.iter().map(|sum| sum.0).sum();
     let bits: f64 = sums.iter().map(|sum| sum.1).sum();
     let codes: usize = sums.iter().map(|sum| sum.2).sum();
-    Score {
-        rms_cm: (squares / encoder.source.frames() as f64).sqrt(),
+    Ok(Score {
+        rms_cm: (squares / motion.source.frames() as f64).sqrt(),
         entropy_bits: if codes > 0 { bits / codes as f64 } else { 0.0 },
-    }
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use decoder_core::mclip::CodecId;
     use mocap::sample;
 
     #[test]
@@ -209,15 +207,14 @@ mod tests {
     fn training_lowers_the_error_and_is_the_same_again() {
         let clip = sample::clip();
         let encoders = [Encoder::new(&clip.skeleton, &clip.motion).unwrap()];
-        let settings = Settings { adapt_step: true, ..Settings::new(CodecId::Adpcm) };
         for bits in [3, 4] {
-            let [lowest, all] =
-                [Search::Lowest, Search::All].map(|search| train(&encoders, &settings, bits, search));
-            let [start, low, best] =
-                [jayant(bits), lowest, all].map(|steps| scores(&encoders, &settings, bits, steps)[0].rms_cm);
+            let [lowest, all] = [Search::Lowest, Search::All]
+                .map(|search| train(&encoders, Adpcm::BOTH, bits, search).unwrap());
+            let [start, low, best] = [jayant(bits), lowest, all]
+                .map(|steps| scores(&encoders, Adpcm::BOTH, bits, steps).unwrap()[0].rms_cm);
             assert!(best < 0.98 * low && low <= start, "{bits} bits: {start} {low} {best}");
             assert_eq!(lowest.multipliers, jayant(bits).multipliers);
-            assert_eq!(train(&encoders, &settings, bits, Search::All), all);
+            assert_eq!(train(&encoders, Adpcm::BOTH, bits, Search::All), Ok(all));
         }
     }
 }

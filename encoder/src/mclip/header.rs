@@ -1,68 +1,39 @@
-//! The channels' part of a header: records in few bits, the predictors that they share, and the joints' names.
+//! The header of a clip (docs/FORMAT.md, "Header"): what the decoder's [`Header`] parses.
 
-use super::bits::BitWriter;
-use decoder_core::arithmetic::unsigned;
-use decoder_core::mclip::{Channel, MANTISSA_BITS, Packing};
+use decoder_core::bits::BitWriter;
+use decoder_core::mclip::{Channel, Clip, Header, HeaderFields, emit_names, emit_records};
+use decoder_core::{Error, Limits};
 
-/// Most coefficients: an index is a byte.
+/// Most coefficients of predictors: the number of one is a byte.
 const MOST_PREDICTORS: usize = 256;
 
-/// The parts of a header that say what its channels are.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Records {
-    pub predictors: Vec<u8>,
-    pub records: Vec<u8>,
-    pub names: Vec<u8>,
+/// Prefix, header and checksum. The memory that a decoder needs and the channels are filled in; the entry shifts of the
+/// channels are those of `precision`, and `grid` is the codec's ([`Rules::grid`](decoder_core::Rules::grid)).
+pub(crate) fn emit(
+    fields: &HeaderFields<'_>,
+    channels: &[Channel<'_>],
+    precision: u8,
+    grid: bool,
+) -> Vec<u8> {
+    let coefficients = if grid { Vec::new() } else { coefficients(channels) };
+    let predictors: Vec<u8> = coefficients.iter().flat_map(|coefficient| coefficient.to_le_bytes()).collect();
+    let mut records = BitWriter::new(Vec::new());
+    emit_records(channels.iter().copied(), &coefficients, precision, grid, &mut records);
+    let records = records.finish();
+    let mut names = Vec::new();
+    emit_names(channels.iter().copied(), &mut names);
+    let fields =
+        HeaderFields { predictors: &predictors, records: &records, names: &names, ram: u32::MAX, ..*fields };
+    // A header that asks for all memory is valid, and says what it needs.
+    let most = bytes(&fields);
+    let ram = Header::parse(&most, Limits::MAX).map_or(u32::MAX, |header| header.needs().bytes() as u32);
+    bytes(&HeaderFields { ram, ..fields })
 }
 
-impl Records {
-    /// The records of these channels, whose entry shifts are those of `precision`.
-    pub fn of(channels: &[Channel<'_>], precision: u8, is_pcm: bool) -> Self {
-        let coefficients = if is_pcm { Vec::new() } else { coefficients(channels) };
-        let index = |channel: &Channel<'_>| nearest(&coefficients, channel.coefficient);
-        let active = || channels.iter().filter(|channel| channel.bits > 0);
-        let bits = packing(channels.iter().map(|channel| channel.bits));
-        let step = packing(channels.iter().map(|channel| channel.step));
-        let entry_bits = packing(active().map(|channel| channel.entry_bits));
-        let group = packing(active().map(|channel| channel.group));
-        let predictor = packing(active().map(index));
-        let mut out = BitWriter::default();
-        out.put(precision.into(), 4);
-        for packing in [bits, step, entry_bits, group, predictor] {
-            out.put(packing.least.into(), 8);
-            out.put(packing.width.into(), 4);
-        }
-        let put = |out: &mut BitWriter, packing: Packing, value: u8| {
-            out.put(u32::from(value - packing.least), packing.width.into());
-        };
-        let mut names = Vec::new();
-        let mut before = None;
-        let has_names = channels.iter().any(|channel| !channel.joint.is_empty());
-        for channel in channels {
-            let is_first = before.replace(channel.joint) != Some(channel.joint);
-            out.put(is_first.into(), 1);
-            if is_first && has_names {
-                super::writer::append(&mut names, &channel.joint);
-            }
-            out.put(channel.kind.id().into(), 3);
-            put(&mut out, bits, channel.bits);
-            put(&mut out, step, channel.step);
-            if channel.bits > 0 {
-                put(&mut out, group, channel.group);
-                if is_pcm {
-                    out.put(channel.coefficient as u32, MANTISSA_BITS);
-                } else {
-                    put(&mut out, entry_bits, channel.entry_bits);
-                    put(&mut out, predictor, index(channel));
-                }
-            }
-            if channel.bits == 0 || is_pcm {
-                number(&mut out, unsigned(channel.low >> channel.entry_shift));
-            }
-        }
-        let predictors = coefficients.iter().flat_map(|coefficient| coefficient.to_le_bytes()).collect();
-        Self { predictors, records: out.take(), names }
-    }
+fn bytes(fields: &HeaderFields<'_>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    fields.emit(&mut bytes);
+    bytes
 }
 
 /// The coefficients that there are; none where all are the last value.
@@ -75,43 +46,29 @@ fn coefficients(channels: &[Channel<'_>]) -> Vec<i16> {
     if coefficients == [0] { Vec::new() } else { coefficients }
 }
 
-/// The number of the coefficient that is nearest.
-fn nearest(coefficients: &[i16], to: i16) -> u8 {
-    (0..coefficients.len()).min_by_key(|&index| coefficients[index].abs_diff(to)).unwrap_or(0) as u8
-}
-
-/// The narrowest packing that has room for these values.
-fn packing(values: impl Iterator<Item = u8> + Clone) -> Packing {
-    let least = values.clone().min().unwrap_or(0);
-    let most = values.max().unwrap_or(0);
-    let width = (8 - (most - least).leading_zeros()) as u8;
-    // Down where the highest sum would not be a byte.
-    Packing { least: u32::from(least).min(256 - (1 << width)) as u8, width }
-}
-
-/// Three bits at a time, the lowest first, with a bit before them that says whether more follow.
-fn number(out: &mut BitWriter, mut value: u32) {
-    loop {
-        let rest = value >> 3;
-        out.put(value & 7 | if rest > 0 { 8 } else { 0 }, 4);
-        value = rest;
-        if value == 0 {
-            return;
-        }
-    }
+/// The clip with worst-case cycles of its frames in its header, each with the number of its core (docs/FORMAT.md, "Header"),
+/// instead of those that it had.
+///
+/// # Errors
+/// Where these bytes are no clip.
+pub fn certify(clip: &[u8], cycles: &[(u8, u32)]) -> Result<Vec<u8>, Error> {
+    let parsed = Clip::parse(clip, Limits::MAX)?;
+    let entry = |&(core, cycles): &(u8, u32)| core::iter::once(core).chain(cycles.to_le_bytes());
+    let cycles: Vec<u8> = cycles.iter().flat_map(entry).collect();
+    let mut bytes = bytes(&HeaderFields { cycles: &cycles, ..*parsed.header().fields() });
+    bytes.extend(clip.iter().skip(parsed.header_bytes()));
+    Ok(bytes)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::writer;
     use super::*;
-    use decoder_core::Limits;
-    use decoder_core::mclip::{ChannelKind, CodecId, EntropyId, Header, Opening, entry_shift};
+    use decoder_core::mclip::{ChannelKind, CodecId, EntropyId, entry_shift};
 
     const NAMES: [&str; 4] = ["", "root", "lfemur", "名"];
 
-    fn opening(codec: CodecId, channels: usize) -> Opening<'static> {
-        Opening {
+    fn fields(codec: CodecId, channels: usize) -> HeaderFields<'static> {
+        HeaderFields {
             rate_numerator: 30,
             rate_denominator: 1,
             frames: 1,
@@ -131,7 +88,7 @@ mod tests {
     }
 
     fn check(codec: CodecId, channels: &[Channel<'_>], precision: u8) -> usize {
-        let bytes = writer::header(&opening(codec, channels.len()), channels, precision);
+        let bytes = emit(&fields(codec, channels.len()), channels, precision, codec == CodecId::Pcm);
         let header = Header::parse(&bytes, Limits::MAX).unwrap();
         assert_eq!(header.channels().collect::<Vec<_>>(), channels);
         bytes.len()
@@ -214,7 +171,7 @@ mod tests {
                 coefficient: 16_000 + index,
             })
             .collect();
-        let bytes = writer::header(&opening(CodecId::Dpcm, 400), &channels, 2);
+        let bytes = emit(&fields(CodecId::Dpcm, 400), &channels, 2, false);
         let header = Header::parse(&bytes, Limits::MAX).unwrap();
         let found: Vec<i16> = header.channels().map(|channel| channel.coefficient).collect();
         assert!((0..256).all(|index| found[index as usize] == 16_000 + index));

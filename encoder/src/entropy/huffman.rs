@@ -1,15 +1,15 @@
 //! Static Huffman tables: the best code lengths under a limit, and how a header describes them.
 
-use super::bits::BitWriter;
 use decoder_core::arithmetic::{signed, unsigned};
+use decoder_core::bits::BitWriter;
 use decoder_core::entropy::huffman::{INDEX_BITS, Shape};
 
 /// Numbers of classes to choose from.
-pub(super) const CLASS_COUNTS: [u8; 4] = [1, 3, 5, 8];
+pub(crate) const CLASS_COUNTS: [u8; 4] = [1, 3, 5, 8];
 
 /// A code book of one table.
 #[derive(Clone, Debug)]
-pub(super) struct Book {
+pub(crate) struct Book {
     /// Length and code of each symbol; length 0 is none.
     codes: Vec<(u8, u16)>,
     /// Number of the escape among them.
@@ -20,7 +20,7 @@ pub(super) struct Book {
 
 /// Books for every class, and their description.
 #[derive(Clone, Debug)]
-pub(super) struct Books {
+pub(crate) struct Books {
     shape: Shape,
     books: Vec<Book>,
     pub bytes: Vec<u8>,
@@ -51,7 +51,7 @@ impl Books {
     }
 
     /// Writes a code of a channel whose next table is `table`.
-    pub fn write(&self, code: i32, width: u8, table: &mut u8, out: &mut BitWriter) {
+    pub fn write(&self, code: i32, width: u8, table: &mut u8, out: &mut BitWriter<Vec<u8>>) {
         self.books[usize::from(*table)].write(code, width, out);
         *table = self.shape.next_table(*table, code);
     }
@@ -101,7 +101,7 @@ impl Book {
         bytes.extend(self.codes.chunks(2).map(|pair| pair[0].0 | pair.get(1).map_or(0, |code| code.0 << 4)));
     }
 
-    fn write(&self, code: i32, width: u8, out: &mut BitWriter) {
+    fn write(&self, code: i32, width: u8, out: &mut BitWriter<Vec<u8>>) {
         if self.only.is_some_and(|only| signed(only) == code) {
             return;
         }

@@ -5,14 +5,14 @@ use decoder_core::mclip::{Memory, Needs, State};
 
 /// As much memory as a clip's decoder needs.
 #[derive(Clone, Debug)]
-pub struct Lent {
+pub struct OwnedMemory {
     pose: Vec<I16F16>,
     states: Vec<State>,
     words: Vec<u32>,
     halves: Vec<u16>,
 }
 
-impl Lent {
+impl OwnedMemory {
     /// Memory for these needs.
     pub fn new(needs: Needs) -> Self {
         Self {
@@ -24,7 +24,7 @@ impl Lent {
     }
 
     /// The memory as a decoder takes it.
-    pub fn memory(&mut self) -> Memory<'_> {
+    pub fn lend(&mut self) -> Memory<'_> {
         Memory {
             pose: &mut self.pose,
             states: &mut self.states,

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! bunraku train 02_07.amc 05_02.amc 09_01.amc 49_04.amc 49_14.amc --held-out 01_04.amc
-//! 02_01.amc 02_02.amc 05_03.amc 14_09.amc 16_46.amc 135_04.amc --fps 30,120 -o encoder/src/mclip/multipliers.rs
+//! 02_01.amc 02_02.amc 05_03.amc 14_09.amc 16_46.amc 135_04.amc --fps 30,120 -o encoder/src/codec/adpcm/multipliers.rs
 //! ```
 //!
 //! Displacement of the joints (root mean square, in cm) that remained on the motions held out:

@@ -1,6 +1,6 @@
 //! A motion made ready to be encoded, once for however many parameters.
 
-use super::{EncodeError, Method, Parameters, closed_loop, faithful, writer};
+use crate::error::EncodeError;
 use mocap::kinematics;
 use mocap::motion::Motion;
 use mocap::skeleton::Skeleton;
@@ -12,11 +12,11 @@ pub struct Source {
     pub(crate) frames: usize,
     pub(crate) rate_centihertz: u16,
     /// Angles made continuous, in degrees and centimetres, row-major.
-    pub(super) samples: Vec<f64>,
+    pub(crate) samples: Vec<f64>,
     /// The same in 16.16 fixed point: what a decoder should give.
     pub(crate) targets: Vec<i32>,
     /// Hierarchy level of every channel.
-    pub(super) levels: Vec<u8>,
+    pub(crate) levels: Vec<u8>,
     /// Squared movement of the joints, in cm², per squared unit of every channel.
     pub(crate) weights: Vec<f64>,
 }
@@ -64,19 +64,6 @@ impl Source {
         })
     }
 
-    /// Encodes with these parameters.
-    ///
-    /// # Errors
-    /// [`EncodeError`] where the parameters do not fit the format.
-    pub fn encode(&self, parameters: Parameters, method: Method) -> Result<Vec<u8>, EncodeError> {
-        parameters.check(self.channels as u16)?;
-        let coded = match method {
-            Method::Faithful { exponent } => faithful::encode(self, parameters, exponent),
-            Method::ClosedLoop => closed_loop::encode(self, parameters),
-        };
-        Ok(writer::write(self, parameters, &coded))
-    }
-
     /// Frames of the motion.
     pub const fn frames(&self) -> usize {
         self.frames
@@ -88,7 +75,7 @@ impl Source {
     }
 
     /// The ranges of frames that segments of `segment_frames` cover.
-    pub(super) fn segments(&self, segment_frames: u32) -> impl Iterator<Item = std::ops::Range<usize>> {
+    pub(crate) fn segments(&self, segment_frames: u32) -> impl Iterator<Item = std::ops::Range<usize>> {
         let (frames, length) = (self.frames, segment_frames as usize);
         (0..frames.div_ceil(length)).map(move |index| {
             let start = index * length;
