@@ -3,8 +3,9 @@
 //!
 //! # Rooms
 //!
-//! What is here binds other crates together. What can stand alone is a crate of its own: `puppet-file` reads puppet.toml,
-//! `thumb-cycles` simulates a Cortex-M, `mocap` reads recordings, `encoder` makes clips, `firmware` plays them.
+//! What is here binds other crates together. What can stand alone is a crate of its own: `puppet-file` reads
+//! puppet.toml, `thumb-cycles` simulates a Cortex-M, `mocap` reads recordings, `encoder` makes clips, and `firmware`
+//! plays them.
 //!
 //! | room | what it does |
 //! |---|---|
@@ -20,6 +21,7 @@
 //! | [`qemu`], [`rp2040js`] | runs an image in another program's emulator |
 //! | [`profile`], [`cycle_limit`] | counts cycles of the decoder; finds a clip whose frames a core can afford |
 //! | [`rd`], [`peers`] | curves of rate and distortion; our codecs beside general compressors |
+//! | [`plot`] | draws what others measured |
 #![forbid(unsafe_code)]
 
 pub mod board;
