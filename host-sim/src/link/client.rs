@@ -5,6 +5,7 @@ use firmware::link::frame::{Deframer, Frame, OVERHEAD, wire_len, write};
 use firmware::link::message::{
     ANSWER_BYTES, Answer, Event, Hello, REQUEST_BYTES, Refusal, Request, Response, Telemetry, VERSION,
 };
+use firmware::link::wire::decode_all;
 use firmware::machine::Command;
 use std::collections::VecDeque;
 use std::io;
@@ -317,7 +318,7 @@ fn read(port: &str, frame: &Frame<'_>) -> Result<(u16, Answer), LinkError> {
     {
         return Err(LinkError::Version { port: port.to_owned(), device });
     }
-    let answer = postcard::from_bytes(frame.message).map_err(|_| LinkError::Unexpected {
+    let answer = decode_all(frame.message).ok_or_else(|| LinkError::Unexpected {
         port: port.to_owned(),
         found: format!("{} bytes that are no message", frame.message.len()),
     })?;
