@@ -4,8 +4,8 @@
 //! # Rooms
 //!
 //! What is here binds other crates together. What can stand alone is a crate of its own: `puppet-file` reads
-//! puppet.toml, `thumb-cycles` simulates a Cortex-M, `mocap` reads recordings, `encoder` makes clips, and `firmware`
-//! plays them.
+//! puppet.toml, `virtual-servos` answers bus packets, `thumb-cycles` simulates a Cortex-M, `mocap` reads recordings,
+//! `encoder` makes clips, and `firmware` plays them.
 //!
 //! | room | what it does |
 //! |---|---|
@@ -13,7 +13,7 @@
 //! | [`puppet`] | holds a puppet against a clip: channels, limits, time on its buses; writes what was calibrated |
 //! | [`play`] | plays a clip on virtual servos: here, on a simulated core, under QEMU, on an emulated Pico |
 //! | [`ports`] | plays a clip on servos on serial ports of this machine |
-//! | [`servos`] | virtual servos that answer bus packets |
+//! | [`puppet_servos`] | the virtual servos of a puppet, and what happens to them in a show |
 //! | [`show`] | plays a show of several clips, and reports it |
 //! | [`device`], [`flash`] | a virtual device: the firmware with clips in virtual flash, which a host talks to |
 //! | [`link`] | the host's side of the link to a device |

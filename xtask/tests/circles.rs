@@ -10,7 +10,16 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The crates whose files are checked, by their folder.
-const CRATES: [&str; 3] = ["decoder-core", "encoder", "firmware"];
+const CRATES: [&str; 8] = [
+    "decoder-core",
+    "encoder",
+    "encoder/mocap",
+    "firmware",
+    "host-sim",
+    "host-sim/puppet-file",
+    "host-sim/thumb-cycles",
+    "host-sim/virtual-servos",
+];
 
 /// Names of modules from the crate's root on.
 type Module = Vec<String>;
