@@ -22,15 +22,22 @@
 
 pub mod arithmetic;
 pub mod bits;
+mod channel;
+pub mod codec;
 pub mod entropy;
 mod error;
-pub mod float;
+mod ids;
 pub mod mclip;
+mod memory;
 pub mod predict;
 pub mod qmd;
 pub mod quantise;
+mod state;
 #[cfg(test)]
 mod testing;
+pub mod word;
 
-pub use error::{Error, Feature, Field, Limits};
+pub use channel::Rules;
+pub use error::{Error, Field, Limits};
 pub use fixed::types::I16F16;
+pub use ids::Feature;

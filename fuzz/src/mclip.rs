@@ -4,7 +4,6 @@ use crate::{Random, vectors};
 use decoder_core::mclip::{
     BLOCK_HEADER_BYTES, Clip, Decoder, Header, Memory, Needs, Prefix, Receiver, State, Stream, checksum,
 };
-use decoder_core::predict::Correlation;
 use decoder_core::{Error, I16F16, Limits};
 
 /// More than any vector has.
@@ -196,8 +195,8 @@ pub fn repair(bytes: &mut [u8]) {
 struct Lent {
     pose: Vec<I16F16>,
     states: Vec<State>,
-    correlations: Vec<Correlation>,
-    words: Vec<u16>,
+    words: Vec<u32>,
+    halves: Vec<u16>,
 }
 
 impl Lent {
@@ -205,14 +204,14 @@ impl Lent {
         Self {
             pose: vec![I16F16::ZERO; needs.channels],
             states: vec![State::EMPTY; needs.channels],
-            correlations: vec![Correlation::EMPTY; needs.correlations],
             words: vec![0; needs.words],
+            halves: vec![0; needs.halves],
         }
     }
 
     fn memory(&mut self) -> Memory<'_> {
-        let Self { pose, states, correlations, words } = self;
-        Memory { pose, states, correlations, words }
+        let Self { pose, states, words, halves } = self;
+        Memory { pose, states, words, halves }
     }
 }
 

@@ -4,7 +4,6 @@
 use crate::board;
 use crate::clip::Clip;
 use crate::files;
-use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
 use crate::rp2040js;
@@ -20,6 +19,7 @@ use firmware::library::Library;
 use firmware::machine::{Machine as Puppet, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::playback::Playback;
+use puppet_file::Map;
 use servo_wire::bus::ServoBus;
 use servo_wire::dynamixel::bus::DynamixelBus;
 use servo_wire::dynamixel::client::Client;
@@ -276,8 +276,8 @@ pub fn seconds(micros: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::puppet::Puppet;
     use encoder::qmd::{Method, Parameters, decode, encode};
+    use puppet_file::Puppet;
     use std::path::Path;
 
     fn sample() -> (Vec<u8>, Map, mocap::Clip) {

@@ -67,7 +67,7 @@ fn mclip(out: &Path) {
     let bytes = read(Path::new(&path));
     let clip = mclip::Clip::parse(&bytes, Limits::MAX).unwrap_or_else(|error| panic!("{path}: {error}"));
     let needs = clip.header().needs();
-    let sizes = [("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)]
+    let sizes = [("CHANNELS", needs.channels), ("WORDS", needs.words), ("HALVES", needs.halves)]
         .map(|(name, size)| format!("/// Elements that the decoder needs.\nconst {name}: usize = {size};\n"));
     let blocks = variable("BUNRAKU_VERIFY").is_some_and(|when| when == "blocks");
     let verify = format!(

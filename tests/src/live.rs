@@ -16,7 +16,7 @@ use std::pin::pin;
 pub const CHANNELS: usize = 64;
 
 /// A board's memory of a decoder.
-pub type Space = Workspace<CHANNELS, CHANNELS, 4096>;
+pub type Space = Workspace<CHANNELS, { 4 * CHANNELS }, 4096>;
 
 /// A board's streams.
 pub const SETTINGS: Settings = Settings {

@@ -300,7 +300,7 @@ fn garbage_does_no_harm() {
                     let entry = clip.blocks[block][7] >> 7 == 1;
                     let codes = bytes(300);
                     let header = BlockHeader::of(&codes, (end - first) as u16, first as u32, entry).unwrap();
-                    live.receive(&[&header.bytes()[..], &codes].concat()).unwrap();
+                    live.receive(&[&header.emit()[..], &codes].concat()).unwrap();
                     forged += 1;
                 } else {
                     live.receive(&clip.blocks[block]).unwrap();

@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, require_program, require_target, vectors, workspace};
-use host_sim::puppet::Puppet;
 use host_sim::servos::{Bus, BusConfig};
 use host_sim::{board, qemu};
+use puppet_file::Puppet;
 use std::fs;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};

@@ -7,9 +7,11 @@
 //! Bounds: `2^bits` symbols take [`AdaptiveHuffman::words`] 16-bit words. Counting stops when the root weighs
 //! [`MAX_WEIGHT`], so no code is longer than 21 bits. An update looks at each node at most once for each level.
 
-use super::SymbolSource;
+use super::stage::{FrameLoops, Stage};
+use super::symbols::SymbolSource;
 use crate::arithmetic::signed;
 use crate::bits::BitReader;
+use crate::error::{Error, Field, check};
 
 /// Weight of the root at which counting stops.
 pub const MAX_WEIGHT: u16 = 1 << 15;
@@ -174,6 +176,38 @@ fn get(words: &[u16], index: u16) -> u16 {
 fn set(words: &mut [u16], index: u16, value: u16) {
     if let Some(word) = words.get_mut(usize::from(index)) {
         *word = value;
+    }
+}
+
+impl<'s> Stage<'s> for AdaptiveHuffman<'s> {
+    fn check(tables: &[u8], at: usize) -> Result<u8, Error> {
+        let &[bits] = tables else { return Err(Error::Encoding { field: Field::CodeTables, at }) };
+        check(Field::CodeTables, at, bits.into(), 1, MAX_BITS.into())?;
+        Ok(1)
+    }
+
+    fn halves(tables: &[u8]) -> usize {
+        if let &[bits] = tables { Self::words(bits) } else { 0 }
+    }
+
+    fn open(tables: &[u8], at: usize, halves: &'s mut [u16]) -> Result<Self, Error> {
+        let bits = tables.first().copied().unwrap_or(0);
+        Self::new(bits, halves).ok_or(Error::Encoding { field: Field::CodeTables, at })
+    }
+
+    fn context(&self, _: u8, _: u8) -> u8 {
+        0
+    }
+
+    #[inline(always)]
+    fn restart<'c>(&mut self, _: impl Iterator<Item = &'c mut u8>, position: usize) -> usize {
+        self.reset();
+        position
+    }
+
+    #[inline(always)]
+    fn feed<L: FrameLoops>(&mut self, loops: L) -> Option<usize> {
+        loops.by_symbols(self)
     }
 }
 

@@ -13,9 +13,11 @@
 //!
 //! So classes follow a movement that begins at once, and one that ends slowly.
 
-use super::SymbolSource;
+use super::stage::{FrameLoops, Stage};
+use super::symbols::SymbolSource;
 use crate::arithmetic::signed;
 use crate::bits::BitReader;
+use crate::error::{Error, Field};
 use core::hint::cold_path;
 
 /// Largest |c| of each level but the last.
@@ -238,6 +240,41 @@ fn fill(
         return Ok(());
     }
     Err(TableError::Incomplete { at, filled: filled as u32, entries: entries as u32 })
+}
+
+impl<'s> Stage<'s> for Huffman<'s> {
+    fn check(tables: &[u8], at: usize) -> Result<u8, Error> {
+        let none = Error::Encoding { field: Field::CodeTables, at };
+        Shape::read(tables).map(|shape| shape.groups).map_err(|_| none)
+    }
+
+    fn halves(tables: &[u8]) -> usize {
+        Shape::read(tables).map_or(0, Shape::words)
+    }
+
+    fn open(tables: &[u8], at: usize, halves: &'s mut [u16]) -> Result<Self, Error> {
+        Self::build(tables, halves).map_err(|error| match error {
+            TableError::Range { found, low, high, .. } => {
+                Error::Malformed { field: Field::CodeTables, at, found, low, high }
+            }
+            _ => Error::Encoding { field: Field::CodeTables, at },
+        })
+    }
+
+    fn context(&self, group: u8, bits: u8) -> u8 {
+        if bits == 0 { NO_TABLE } else { self.shape.first_table(group) }
+    }
+
+    #[inline(always)]
+    fn restart<'c>(&mut self, contexts: impl Iterator<Item = &'c mut u8>, position: usize) -> usize {
+        contexts.for_each(|context| *context = self.shape.first_of(*context));
+        position
+    }
+
+    #[inline(always)]
+    fn feed<L: FrameLoops>(&mut self, loops: L) -> Option<usize> {
+        loops.by_symbols(*self)
+    }
 }
 
 impl SymbolSource for Huffman<'_> {

@@ -3,7 +3,7 @@
 //! They are written such that each costs one 32-bit product, whatever the value: a value has 32 bits, and so does a
 //! product on Cortex-M0+. The first order multiplies whole units, the second the last movement.
 
-use crate::entropy::fixed_width::BYTES_ONLY;
+use crate::arithmetic::BYTES_ONLY;
 
 /// What the second order's coefficient is in parts of.
 pub const MOMENTUM_ONE: i8 = 64;

@@ -3,7 +3,7 @@
 use super::decoder::Decoder;
 use super::segment::{Header, Layout, SEGMENT_HEADER_BYTES, add_frames, check_level};
 use crate::error::{Error, Field, Limits};
-use crate::float::fixed_from_f32_bits;
+use crate::word::fixed_from_f32_bits;
 use fixed::types::I16F16;
 
 /// A QMD clip whose bytes were checked from the first to the last.

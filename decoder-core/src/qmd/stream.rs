@@ -7,7 +7,7 @@
 use super::row;
 use super::segment::{Header, Layout, SEGMENT_HEADER_BYTES, add_frames, check_level, lent};
 use crate::error::{Error, Field, Limits};
-use crate::float::fixed_from_f32_bits;
+use crate::word::fixed_from_f32_bits;
 use fixed::types::I16F16;
 
 /// A clip that is being received.

@@ -1,7 +1,7 @@
 //! The golden vectors by every way to decode, in the core's own tests: so they run under Miri, as big-endian code too,
 //! and against every mutant (docs/TESTING.md).
 
-use crate::common::{LIMITS, Lent, Vector, block_buffer, vectors};
+use crate::common::{Heap, LIMITS, Vector, block_buffer, vectors};
 use decoder_core::mclip::{self, Receiver};
 use decoder_core::qmd::{self, MAX_INDEX_BITS};
 use decoder_core::{Error, I16F16};
@@ -66,7 +66,7 @@ fn qmd_streamed() {
 fn mclip_in_place() {
     for Vector { name, bytes, sha256 } in vectors("SHA256SUMS.mclip") {
         let clip = mclip::Clip::parse(&bytes, LIMITS).unwrap();
-        let mut lent = Lent::new(clip.header().needs());
+        let mut lent = Heap::new(clip.header().needs());
         let mut decoder = clip.decoder(lent.memory()).unwrap();
         let mut frames = Vec::new();
         for _ in 0..2 {
@@ -92,7 +92,7 @@ fn mclip_in_place() {
             assert!(near <= at as u32, "{name} near {at}: {near}");
             // Where it did not stay it is at an entry point, which decodes by itself, and so does not depend on what was before.
             if near != before {
-                let mut other = Lent::new(clip.header().needs());
+                let mut other = Heap::new(clip.header().needs());
                 let mut fresh = clip.decoder(other.memory()).unwrap();
                 fresh.approach(near).unwrap();
                 assert_eq!(fresh.position(), near, "{name}: no entry point");
@@ -115,7 +115,7 @@ fn streamed(bytes: &[u8], size: usize) -> Result<String, Error> {
         chunk = chunks.next().unwrap();
     }
     let header = receiver.finish(LIMITS)?;
-    let mut lent = Lent::new(header.needs());
+    let mut lent = Heap::new(header.needs());
     let mut block = block_buffer(&header);
     let mut stream = mclip::Stream::new(header, lent.memory(), &mut block)?;
     let mut sha = Sha256::new();

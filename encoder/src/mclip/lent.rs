@@ -2,15 +2,14 @@
 
 use decoder_core::I16F16;
 use decoder_core::mclip::{Memory, Needs, State};
-use decoder_core::predict::Correlation;
 
 /// As much memory as a clip's decoder needs.
 #[derive(Clone, Debug)]
 pub struct Lent {
     pose: Vec<I16F16>,
     states: Vec<State>,
-    correlations: Vec<Correlation>,
-    words: Vec<u16>,
+    words: Vec<u32>,
+    halves: Vec<u16>,
 }
 
 impl Lent {
@@ -19,8 +18,8 @@ impl Lent {
         Self {
             pose: vec![I16F16::ZERO; needs.channels],
             states: vec![State::EMPTY; needs.channels],
-            correlations: vec![Correlation::EMPTY; needs.correlations],
             words: vec![0; needs.words],
+            halves: vec![0; needs.halves],
         }
     }
 
@@ -29,8 +28,8 @@ impl Lent {
         Memory {
             pose: &mut self.pose,
             states: &mut self.states,
-            correlations: &mut self.correlations,
             words: &mut self.words,
+            halves: &mut self.halves,
         }
     }
 }

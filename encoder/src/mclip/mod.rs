@@ -2,7 +2,7 @@
 //!
 //! Source: the waveform-coding document, sections 7.2 to 7.6. The bytes are in docs/FORMAT.md, "mclip".
 //!
-//! Every codec runs the decoder's own loop ([`decoder_core::mclip::Engine::choose`]), so predictions and steps are
+//! Every codec runs the decoder's own loop ([`decoder_core::mclip::ScalarDecoder::choose`]), so predictions and steps are
 //! the decoder's to the last bit, and errors do not add up. Channels get steps in inverse proportion to how far they
 //! move the joints, so that an error costs the same wherever it is made.
 
@@ -406,7 +406,7 @@ mod tests {
             let bytes = encoder.encode(&settings, Quality::Bits(5));
             let played = decode(&bytes).unwrap();
             let parsed = Clip::parse(&bytes, Limits::MAX).unwrap();
-            assert_eq!(parsed.entries(), 5, "480 frames, an entry point every 100");
+            assert_eq!(parsed.entry_count(), 5, "480 frames, an entry point every 100");
             let mut lent = Lent::new(parsed.header().needs());
             let mut decoder = parsed.decoder(lent.memory()).unwrap();
             for frame in [479, 0, 100, 99, 250, 251, 255, 3, 400, 399] {

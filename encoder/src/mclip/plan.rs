@@ -4,10 +4,10 @@ use super::run::{Coded, Plan};
 use super::train::Steps;
 use super::{Predictor, Settings};
 use crate::qmd::Source;
-use decoder_core::entropy::fixed_width::OCTET;
-use decoder_core::mclip::{
-    Adaptation, Adpcm, Channel, ChannelKind, CodecId, EntropyId, MAX_ENTRY_BITS, Opening, entry_shift,
-};
+use decoder_core::codec::Codec;
+use decoder_core::codec::adpcm::{Adaptation, Adpcm, Prediction, Steps as StepRule};
+use decoder_core::entropy::fixed_width::GROUP;
+use decoder_core::mclip::{Channel, ChannelKind, CodecId, EntropyId, MAX_ENTRY_BITS, Opening, entry_shift};
 use decoder_core::predict::fixed::{LEAK_ONE, MOMENTUM_ONE};
 use decoder_core::quantise::adaptive::CLASSES;
 use decoder_core::quantise::step::MAX_STEP;
@@ -39,13 +39,15 @@ pub(super) fn parameters(settings: &Settings, levels: &[u8]) -> Vec<u8> {
             _ => 2,
         }],
         CodecId::Adpcm => {
-            let still = Adaptive::new([0; CLASSES], 0, MAX_STEP);
-            let quantiser = settings.steps.filter(|_| settings.adapt_step).map_or(still, Steps::quantiser);
-            let predictor = match settings.predictor {
-                Predictor::Adaptive { window, period } => Some(Adaptation { window, period }),
-                _ => None,
+            let quantiser = settings.steps.filter(|_| settings.adapt_step).map(Steps::quantiser);
+            let steps = quantiser.filter(Adaptive::adapts).map_or(StepRule::Fixed, StepRule::Adaptive);
+            let prediction = match settings.predictor {
+                Predictor::Adaptive { window, period } => Prediction::Adaptive(Adaptation { window, period }),
+                _ => Prediction::Fixed,
             };
-            Adpcm { quantiser, predictor }.bytes().to_vec()
+            let mut bytes = Vec::new();
+            Adpcm { steps, prediction }.emit(&mut bytes);
+            bytes
         }
     }
 }
@@ -70,7 +72,7 @@ pub(super) fn step_index(words: f64) -> u8 {
 /// Gives channels at rest codes too, where all others of their octet have codes of one width: a decoder takes the codes of
 /// equal octets several times as fast.
 pub(super) fn level(choices: &mut [Choice]) {
-    for octet in choices.chunks_mut(OCTET) {
+    for octet in choices.chunks_mut(GROUP) {
         let width = octet.iter().map(|choice| choice.bits).max().unwrap_or(0);
         if octet.iter().all(|choice| choice.bits == 0 || choice.bits == width) {
             octet.iter_mut().for_each(|choice| choice.bits = width);

@@ -2,7 +2,8 @@
 
 use super::{Lent, writer};
 use decoder_core::Limits;
-use decoder_core::mclip::{Channel, Choose, Engine, Header, Opening, State};
+use decoder_core::codec::RunningCodec;
+use decoder_core::mclip::{Channel, Choose, Header, Opening, State};
 use decoder_core::quantise::Quantise;
 
 /// What a decoder will do: how its header begins, and the channels.
@@ -49,8 +50,8 @@ impl Plan<'_> {
             Err(error) => panic!("the encoder planned a header that cannot be: {error}"),
         };
         let mut lent = Lent::new(header.needs());
-        let mut engine = match Engine::new(header, lent.memory()) {
-            Ok(engine) => engine,
+        let mut decoder = match header.open(lent.memory()) {
+            Ok(RunningCodec::Scalar(decoder)) => decoder,
             Err(error) => panic!("the encoder planned tables that cannot be: {error}"),
         };
         let mut coded = Coded::default();
@@ -64,7 +65,7 @@ impl Plan<'_> {
                 codes: &mut coded.codes,
                 wanted: &mut coded.wanted,
             };
-            let pose = engine.choose(&mut nearest, entry);
+            let pose = decoder.choose(&mut nearest, entry);
             coded.decoded.extend(pose.iter().map(|value| value.to_bits()));
             let values = nearest.values;
             if entry {

@@ -6,11 +6,9 @@ use super::record::Records;
 use super::run::{Coded, Plan};
 use decoder_core::arithmetic::unsigned;
 use decoder_core::entropy::AdaptiveHuffman;
-use decoder_core::entropy::fixed_width::OCTET;
+use decoder_core::entropy::fixed_width::GROUP;
 use decoder_core::entropy::huffman::Shape;
-use decoder_core::mclip::{
-    BlockHeader, Channel, Clip, CodecId, EntropyId, Header, MAGIC, Opening, VERSION, checksum,
-};
+use decoder_core::mclip::{BlockHeader, Channel, Clip, CodecId, EntropyId, Header, Opening};
 use decoder_core::{Error, Limits};
 
 /// Prefix, header and checksum. The memory that a decoder needs and the channels are filled in.
@@ -26,14 +24,8 @@ pub(super) fn header(opening: &Opening<'_>, channels: &[Channel<'_>], precision:
 }
 
 fn assemble(opening: &Opening<'_>) -> Vec<u8> {
-    let mut body = Vec::new();
-    append(&mut body, opening);
-    let mut bytes = MAGIC.to_vec();
-    bytes.extend(VERSION.to_le_bytes());
-    bytes.extend([0, 0]);
-    bytes.extend((body.len() as u32).to_le_bytes());
-    bytes.extend(body);
-    bytes.extend(checksum(&bytes, &[]).to_le_bytes());
+    let mut bytes = Vec::new();
+    opening.emit(&mut bytes);
     bytes
 }
 
@@ -176,7 +168,7 @@ impl Block {
         let codes = self.codes.take();
         *longest = codes.len().max(*longest);
         if let Some(header) = BlockHeader::of(&codes, self.frames, self.first_frame, self.entry) {
-            bytes.extend(header.bytes());
+            bytes.extend(header.emit());
             bytes.extend(codes);
         }
         *self = Self { first_frame: self.first_frame + u32::from(self.frames), ..Self::default() };
@@ -212,7 +204,7 @@ fn assemble_clip(
                 let mut codes = codes.iter();
                 let channels = plan.channels.iter().zip(&mut contexts).enumerate();
                 for (number, (channel, context)) in channels {
-                    if number % OCTET == 0 && matches!(coder, Coder::FixedWidth) {
+                    if number % GROUP == 0 && matches!(coder, Coder::FixedWidth) {
                         out.align();
                     }
                     if channel.bits > 0

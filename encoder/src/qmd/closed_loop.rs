@@ -12,7 +12,7 @@
 
 use super::writer::{Coded, Segment};
 use super::{Parameters, Source};
-use decoder_core::float::fixed_from_f32_bits;
+use decoder_core::word::fixed_from_f32_bits;
 use std::ops::Range;
 
 /// Rounds of Lloyd's iteration.

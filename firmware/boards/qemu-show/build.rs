@@ -42,7 +42,7 @@ fn main() {
 
 /// The clips, and how much memory a decoder of the greediest needs.
 fn source(clips: &[(PathBuf, Vec<u8>)]) -> String {
-    let (mut channels, mut correlations, mut words, mut table) = (1, 0, 0, 0);
+    let (mut channels, mut words, mut halves, mut table) = (1, 0, 0, 0);
     let mut list = String::new();
     for (path, clip) in clips {
         if clip.starts_with(&mclip::MAGIC) {
@@ -50,8 +50,8 @@ fn source(clips: &[(PathBuf, Vec<u8>)]) -> String {
                 .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
             let needs = parsed.header().needs();
             channels = channels.max(needs.channels);
-            correlations = correlations.max(needs.correlations);
             words = words.max(needs.words);
+            halves = halves.max(needs.halves);
         } else {
             let parsed = qmd::Clip::parse(clip, Limits::MAX)
                 .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -62,8 +62,8 @@ fn source(clips: &[(PathBuf, Vec<u8>)]) -> String {
     }
     let sizes = [
         ("CHANNELS", channels),
-        ("CORRELATIONS", correlations),
         ("WORDS", words),
+        ("HALVES", halves),
         ("TABLE", table),
         ("CLIPS", clips.len()),
     ];

@@ -36,7 +36,7 @@ fn main() {
 fn mclip_sizes(clip: &[u8]) -> String {
     let clip = mclip::Clip::parse(clip, Limits::MAX).unwrap_or_else(|error| panic!("BUNRAKU_CLIP: {error}"));
     let needs = clip.header().needs();
-    sizes(&[("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)])
+    sizes(&[("CHANNELS", needs.channels), ("WORDS", needs.words), ("HALVES", needs.halves)])
 }
 
 /// How much memory the decoder of a .qmd is lent: none for a table longer than 256 values, which is read in place.
@@ -67,7 +67,7 @@ fn read(path: &Path) -> Vec<u8> {
 #[cfg(feature = "sample")]
 fn sample() -> (Vec<u8>, Vec<u8>) {
     use encoder::qmd::{Method, Parameters, encode};
-    use host_sim::puppet::Puppet;
+    use puppet_file::Puppet;
 
     let clip = mocap::sample::clip();
     let bytes = encode(&clip, Parameters::TABLE_1, Method::ClosedLoop).expect("the sample fits the format");

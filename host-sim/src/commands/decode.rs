@@ -1,7 +1,8 @@
 //! `bunraku decode`: a compressed clip in, motion capture out.
 
 use anyhow::{Context, Result, bail};
-use host_sim::{files, puppet};
+use host_sim::files;
+use host_sim::puppet::channels;
 use mocap::export;
 use mocap::import::{self, amc};
 use std::path::PathBuf;
@@ -35,7 +36,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let bytes = files::read(&args.clip)?;
     let mut motion = super::input::decode(&args.clip, &bytes)?;
     let found = motion.channels;
-    motion = puppet::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
+    motion = channels::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
     if let Some(fps) = args.fps {
         motion.fps = fps;
     } else if motion.fps == 0.0 {

@@ -3,7 +3,8 @@
 use super::servos::Listen;
 use anyhow::Result;
 use host_sim::device::{self, Config, Listener};
-use host_sim::puppet::{Channels, Puppet};
+use host_sim::puppet::channels;
+use puppet_file::Puppet;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -55,7 +56,7 @@ pub struct Args {
 /// A sentence about the puppet, the flash or the port.
 pub fn run(args: Args) -> Result<ExitCode> {
     let puppet = Puppet::read(&args.puppet)?;
-    let map = puppet.map(Channels::of_clips(&puppet, args.skeleton)?)?;
+    let map = puppet.map(channels::of_clips(&puppet, args.skeleton)?)?;
     let listener = match &args.listen {
         Listen::Tcp(address) => Listener::tcp(address)?,
         Listen::Pty => pty()?,

@@ -7,11 +7,11 @@ use firmware::map::BusKind;
 use host_sim::link::port::Port;
 use host_sim::play::{self, seconds};
 use host_sim::ports::{self, Played};
-use host_sim::puppet::{Channels, Map, Puppet};
 use host_sim::servos::pins::Board;
 #[cfg(unix)]
 use host_sim::servos::serve::Pty;
 use host_sim::servos::{Bus, BusConfig, ServoConfig};
+use puppet_file::{Map, Puppet};
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -63,7 +63,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     let lost_millis = (args.lost * 1000.0).ceil() as u16;
     let puppet = Puppet::read(&args.puppet)?;
-    let map = puppet.map(Channels::of_puppet(&puppet)?)?;
+    let map = puppet.map(puppet.channels()?)?;
     let say = &mut |line: &str| eprintln!("{line}");
     let (played, counters) = if args.on == "host" {
         let asked = asked_to_end()?;

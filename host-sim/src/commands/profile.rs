@@ -9,8 +9,9 @@ use host_sim::profile::baseline::Baseline;
 use host_sim::profile::parts::{PARTS, Part};
 use host_sim::profile::report::{Budget, Container, Simulation, Subject, Table, Ticks};
 use host_sim::profile::{CoreReport, Report, html, measure};
-use host_sim::puppet::{self, Channels, Map, Puppet};
+use host_sim::puppet::channels;
 use indicatif::{ProgressBar, ProgressStyle};
+use puppet_file::{Channels, Map, Puppet, to_bytes};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
@@ -237,11 +238,11 @@ fn map(args: &Args, clip: &Clip<'_>) -> Result<Option<Map>> {
     let Some(path) = &args.puppet else { return Ok(None) };
     let puppet = Puppet::read(path)?;
     let channels = match &args.clip {
-        Some(path) => Channels::of_played(path, clip, &puppet, args.skeleton.clone())?,
+        Some(path) => channels::of_played(path, clip, &puppet, args.skeleton.clone())?,
         // The embedded sample brings its skeleton.
         None => Channels::from(&mocap::sample::clip().skeleton),
     };
-    puppet.map(channels).map(Some)
+    Ok(Some(puppet.map(channels)?))
 }
 
 fn container(clip: &Clip<'_>, table: Table) -> Container {
@@ -260,7 +261,7 @@ fn container(clip: &Clip<'_>, table: Table) -> Container {
             Container::Mclip {
                 codec: header.codec().id().name().to_owned(),
                 entropy: header.entropy().name().to_owned(),
-                blocks: clip.blocks(),
+                blocks: clip.block_count(),
                 lent_bytes: header.needs().bytes(),
             }
         }
@@ -277,7 +278,7 @@ fn build(clip: &[u8], map: Option<&Map>, cores: &[Core], table: Table) -> Result
     spinner.enable_steady_tick(Duration::from_millis(100));
     let lent = table == Table::Lent;
     let images = match map {
-        Some(map) => profile::tick_images(clip, &puppet::to_bytes(map)?, &targets, lent)?,
+        Some(map) => profile::tick_images(clip, &to_bytes(map), &targets, lent)?,
         None => profile::images(clip, &targets, lent)?,
     };
     spinner.finish_and_clear();

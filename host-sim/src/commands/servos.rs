@@ -1,7 +1,6 @@
 //! `bunraku servos`: virtual servos for any client.
 
 use anyhow::{Context, bail};
-use host_sim::ports;
 use host_sim::servos::{ConfigError, Event, config, serve};
 use std::fs::File;
 use std::io::Write;
@@ -119,7 +118,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             eprintln!(
                 "bunraku: the bus \"{}\" ({}) hangs on a board's pins: left out",
                 bus.name,
-                ports::name(bus.kind)
+                bus.kind.name()
             );
             continue;
         };
@@ -180,7 +179,7 @@ fn announce(open: &[(Port, config::Served, serve::Served)], json: bool) -> anyho
     let mut out = std::io::stdout().lock();
     if json {
         let ids: Vec<u8> = ports.iter().flat_map(|(.., ids)| ids).copied().collect();
-        let bus = |(bus, port, ids): &(&config::Served, String, Vec<u8>)| serde_json::json!({ "name": bus.name, "kind": ports::name(bus.kind), "port": port, "ids": ids });
+        let bus = |(bus, port, ids): &(&config::Served, String, Vec<u8>)| serde_json::json!({ "name": bus.name, "kind": bus.kind.name(), "port": port, "ids": ids });
         let buses: Vec<_> = ports.iter().map(bus).collect();
         writeln!(out, "{}", serde_json::json!({ "port": port, "ids": ids, "buses": buses }))?;
     } else {

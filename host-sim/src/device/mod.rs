@@ -5,7 +5,6 @@ mod lines;
 pub use lines::{Lines, Listener};
 
 use crate::flash::Flash;
-use crate::puppet::Map;
 use crate::servos::line::{Instantly, Line};
 use crate::servos::{Bus, BusConfig, ServoConfig};
 use anyhow::{Context, Result, anyhow, bail};
@@ -20,6 +19,7 @@ use firmware::machine::{Machine, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
+use puppet_file::Map;
 use servo_wire::dynamixel::{Client, DynamixelBus};
 use servo_wire::port::{Automatic, Line as Timing, Port};
 use std::path::PathBuf;
@@ -143,7 +143,7 @@ fn store(config: &Config) -> Result<Store<Flash<SECTOR>>> {
     let sector = SECTOR as u32;
     let end = u32::try_from(sectors * SECTOR).context("the flash is larger than 4 GiB")?;
     let layout = Layout { directory: [0, sector], clips: 2 * sector..end };
-    let capacity = Needs { channels: CHANNELS, correlations: CHANNELS, words: WORDS };
+    let capacity = Needs { channels: CHANNELS, words: 4 * CHANNELS, halves: WORDS };
     Ok(Store::mount(flash, layout, capacity)?)
 }
 

@@ -1,11 +1,11 @@
 //! Virtual servos on a line, and what they are told.
 
 use super::{Recording, Taken, seconds};
-use crate::puppet::Map;
 use crate::servos::pins::Pins;
 use crate::servos::{Bus, BusConfig, ConfigError, Deed, Event, ServoConfig};
 use anyhow::{Result, bail};
 use firmware::map::{BusKind, Joint};
+use puppet_file::Map;
 use servo_wire::dynamixel::table::GOAL_POSITION;
 use servo_wire::dynamixel::{Framer, Instruction, Packet};
 

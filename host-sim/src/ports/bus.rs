@@ -1,9 +1,9 @@
 //! The servo bus of any protocol on a serial port.
 
 use super::serial::{RealTime, Serial};
-use crate::puppet::Map;
 use anyhow::{Result, bail};
 use firmware::map::{BusKind, BusSpec, MAX_BUSES};
+use puppet_file::Map;
 use servo_wire::blender::BlenderBus;
 use servo_wire::both::Both;
 use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
@@ -53,7 +53,7 @@ impl SerialBus {
     pub fn open(spec: BusSpec, path: &str) -> Result<Self> {
         let BusSpec { kind, baud } = spec;
         if matches!(kind, BusKind::Pwm | BusKind::Pca9685) {
-            bail!("servos on {} hang on a board's pins, not on a serial port", name(kind));
+            bail!("servos on {} hang on a board's pins, not on a serial port", kind.name());
         }
         let serial = Serial::open(path, baud)?;
         if kind == BusKind::Blender {
@@ -199,19 +199,6 @@ impl ServoBus for SerialBus {
 
     async fn set_watchdog(&mut self, ids: &[u8], millis: u16) -> Result<(), BusError> {
         served!(self, bus => bus.set_watchdog(ids, millis).await, Err(BusError::Unsupported))
-    }
-}
-
-/// A kind of bus as puppet.toml names it.
-pub const fn name(kind: BusKind) -> &'static str {
-    match kind {
-        BusKind::Dynamixel => "dynamixel",
-        BusKind::Dynamixel1 => "dynamixel1",
-        BusKind::Sts => "sts",
-        BusKind::Scs => "scs",
-        BusKind::Pwm => "pwm",
-        BusKind::Pca9685 => "pca9685",
-        BusKind::Blender => "blender",
     }
 }
 

@@ -2,7 +2,6 @@
 
 use super::serial::{run, until};
 use crate::play::{Recording, Taken};
-use crate::puppet::Map;
 use anyhow::{Result, bail};
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::decoder_list::SingleClip;
@@ -13,6 +12,7 @@ use firmware::library::Library;
 use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
 use firmware::playback::Playback;
+use puppet_file::Map;
 use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};

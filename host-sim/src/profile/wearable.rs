@@ -5,10 +5,10 @@
 
 use super::measure;
 use crate::clip::Clip;
-use crate::puppet::{self, Map};
 use anyhow::{Context, Result, anyhow, bail};
 use firmware::clock::{Clock, MAX_TICK_HZ, Speed};
 use firmware::wearable::Wearable;
+use puppet_file::{Map, to_bytes};
 use thumb_cycles::{Core, Image, Machine, Stop};
 
 /// Most that SysTick counts to.
@@ -64,7 +64,7 @@ pub fn wear(
     }
     let expected = levels(clip, map, output_hz)?;
     let core = Core::M4;
-    let elf = super::wearable_image(bytes, &puppet::to_bytes(map)?, core.target(), output_hz, clock_hz)?;
+    let elf = super::wearable_image(bytes, &to_bytes(map), core.target(), output_hz, clock_hz)?;
     let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
     let mut machine =
         Machine::new(core, &measure::board(wait_states), &image).map_err(|error| anyhow!(error))?;

@@ -191,5 +191,5 @@ fn by_bits(attempt: impl Fn(Quality) -> Result<Tried>, db: f64, most: u8) -> Res
 /// Bytes of the blocks' codes, without their headers.
 fn code_bytes(bytes: &[u8]) -> Result<u64> {
     let clip = Clip::parse(bytes, Limits::MAX)?;
-    Ok((bytes.len() - clip.header_bytes() - clip.blocks() as usize * BLOCK_HEADER_BYTES) as u64)
+    Ok((bytes.len() - clip.header_bytes() - clip.block_count() as usize * BLOCK_HEADER_BYTES) as u64)
 }

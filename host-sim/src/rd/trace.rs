@@ -4,9 +4,9 @@ use super::Named;
 use super::chart::{Axis, Chart, Line, Look, Marker, Panel};
 use super::curve::{Curve, Sweep};
 use super::sweep;
-use crate::puppet::Channels;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use encoder::mclip::Quality;
+use puppet_file::Channels;
 use std::io::Write;
 
 /// A channel's values, as recorded and as decoded.
@@ -55,9 +55,7 @@ pub struct Error<'t> {
 /// bits.
 pub fn trace(named: &Named, channel: &str, curves: &[Curve], bits: &[u8]) -> Result<Trace> {
     let skeleton = &named.clip.skeleton;
-    let Some(index) = skeleton.channel(channel) else {
-        bail!("{}: {}", named.name, Channels::from(skeleton).missing(channel));
-    };
+    let (index, _) = Channels::from(skeleton).find(channel).with_context(|| named.name.clone())?;
     let mut motion = named.clip.motion.clone();
     motion.unwrap_angles(skeleton);
     let column = |motion: &mocap::Motion| motion.iter().map(|pose| pose[index]).collect::<Vec<f64>>();

@@ -1,10 +1,9 @@
 //! The servos that a `puppet.toml` names.
 
 use super::{BlenderSink, Bus, BusConfig, ClassicBus, ConfigError, Deed, ServoConfig, Wire};
-use crate::puppet::file::Model;
-use crate::puppet::models;
 use anyhow::{Context, anyhow, ensure};
 use firmware::map::BusKind;
+use puppet_file::models::{self, Model};
 use serde::Deserialize;
 use std::path::Path;
 use toml::Table;
@@ -21,6 +20,7 @@ struct Puppet {
 #[derive(Deserialize)]
 struct Named {
     name: String,
+    #[serde(deserialize_with = "puppet_file::bus_kind")]
     kind: BusKind,
 }
 

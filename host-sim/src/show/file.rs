@@ -2,7 +2,7 @@
 
 use crate::clip::Clip;
 use crate::files;
-use crate::puppet::{Channels, Map, Puppet, place};
+use crate::puppet::channels;
 use crate::servos::{Deed, config};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use decoder_core::mclip::Prefix;
@@ -11,6 +11,7 @@ use firmware::machine::{After, Command, Show};
 use firmware::script;
 use firmware::sender::{STREAM, StreamMemory};
 use firmware::stream::Live;
+use puppet_file::{Channels, Map, Place, Puppet};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::{Spanned, Table};
@@ -127,17 +128,17 @@ impl Program {
             anyhow!("{}: byte {}: not text", path.display(), error.utf8_error().valid_up_to())
         })?;
         let file: File = toml::from_str(&text).map_err(|error| {
-            let place = error.span().map_or(String::new(), |span| place(&text, span));
+            let place = error.span().map_or(String::new(), |span| Place::of(&text, span).to_string());
             anyhow!("{}{place}: {}", path.display(), error.message().replace('\n', ", "))
         })?;
         let beside =
             |other: &Path| path.parent().map_or_else(|| other.to_owned(), |folder| folder.join(other));
         let puppet = Puppet::read(&beside(&file.puppet))?;
-        let channels = Channels::of_clips(&puppet, file.skeleton.as_deref().map(beside))?;
+        let channels = channels::of_clips(&puppet, file.skeleton.as_deref().map(beside))?;
         let map = puppet.map(channels.clone())?;
         let joints = map.joints().iter().map(|joint| puppet.name_of(joint).to_owned()).collect();
         let clips = clips(&file, beside, &channels)?;
-        let wrong = |span, why: &str| anyhow!("{}{}: {why}", path.display(), place(&text, span));
+        let wrong = |span, why: &str| anyhow!("{}{}: {why}", path.display(), Place::of(&text, span));
         let number = |name: &str| clips.iter().position(|(there, ..)| there == name);
         let numbered = |name: &Spanned<String>| {
             let why = || format!("there is no [[clip]] with the name \"{}\"", name.get_ref());
@@ -146,7 +147,7 @@ impl Program {
         };
         let (mut orders, mut deeds, mut events) = (Vec::new(), Vec::new(), Vec::new());
         for event in &file.event {
-            let context = || format!("{}{}", path.display(), place(&text, event.span()));
+            let context = || format!("{}{}", path.display(), Place::of(&text, event.span()));
             let mut table = event.get_ref().clone();
             let at = config::at(&mut table).with_context(context)?;
             let tick = (at * f64::from(map.tick_hz())).round() as u32;
@@ -227,7 +228,7 @@ fn clips(
         }
         let bytes = files::read(&path)?;
         let clip = Clip::parse(&path, &bytes)?;
-        channels.fit(&path, &clip)?;
+        channels::check_clip(&path, &clip, channels)?;
         ensure!(clip.rate_centihertz() > 0, "{} does not say its frame rate", path.display());
         clips.push((name, path, bytes));
     }

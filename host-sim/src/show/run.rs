@@ -5,7 +5,6 @@ use super::images;
 use crate::board;
 use crate::files;
 use crate::play::{Recorder, Recording, on_the_spot};
-use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
 use anyhow::{Context, Result, bail};
@@ -19,6 +18,7 @@ use firmware::map::MAX_SERVOS;
 use firmware::script::Script;
 use firmware::sender::{STREAM, Sender, StreamMemory};
 use firmware::stream::{Counters, Live, Made};
+use puppet_file::Map;
 use serde::Serialize;
 use std::pin::pin;
 use std::time::Duration;
@@ -459,7 +459,7 @@ mod tests {
     fn a_tick_is_metered_from_its_goals_to_its_answers() {
         let text = "servo_hz = 50\nbaud = 1_000_000\n[[joint]]\nname = 'a'\nchannel = 'rradius.rx'\nid = 1\nrange = [-10, 20]\n\
                     max_speed = 50\n";
-        let map = crate::puppet::Puppet::parse(std::path::Path::new("p.toml"), text.to_owned()).unwrap();
+        let map = puppet_file::Puppet::parse(std::path::Path::new("p.toml"), text.to_owned()).unwrap();
         let mut meter = Meter::new(&map.map(&mocap::sample::clip().skeleton).unwrap());
         let at = |cycle, awake| Moment { cycle, awake };
         // A byte is 250 cycles. Goals of two bytes, a question of one, ten bytes of answer; then the next goals.

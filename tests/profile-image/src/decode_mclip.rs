@@ -7,7 +7,6 @@ mod ends;
 use core::hint::black_box;
 use cortex_m_rt::entry;
 use decoder_core::mclip::{Clip, Decoder, Memory, State};
-use decoder_core::predict::Correlation;
 use decoder_core::{Error, I16F16, Limits};
 use ends::{failed, finished};
 
@@ -20,9 +19,9 @@ static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip.mclip"));
 fn main() -> ! {
     static mut POSE: [I16F16; CHANNELS] = [I16F16::ZERO; CHANNELS];
     static mut STATES: [State; CHANNELS] = [State::EMPTY; CHANNELS];
-    static mut CORRELATION: [Correlation; CORRELATIONS] = [Correlation::EMPTY; CORRELATIONS];
-    static mut CODES: [u16; WORDS] = [0; WORDS];
-    let memory = Memory { pose: POSE, states: STATES, correlations: CORRELATION, words: CODES };
+    static mut WIDE: [u32; WORDS] = [0; WORDS];
+    static mut NARROW: [u16; HALVES] = [0; HALVES];
+    let memory = Memory { pose: POSE, states: STATES, words: WIDE, halves: NARROW };
     // A decoder for just this clip would be faster than one for any: hide which clip it is.
     let mut opened = open(black_box(CLIP), memory);
     let Ok(decoder) = &mut opened else { failed() };

@@ -10,7 +10,7 @@ static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip.mclip"));
 
 pub type Decoder = mclip::Decoder<'static, 'static>;
 
-pub type Memory = Workspace<CHANNELS, CORRELATIONS, WORDS>;
+pub type Memory = Workspace<CHANNELS, WORDS, HALVES>;
 
 /// The decoder, and the clip's rate in hundredths of a frame per second.
 pub fn decoder(memory: &'static mut Memory) -> Result<(Decoder, u16), Error> {

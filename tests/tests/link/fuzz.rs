@@ -49,7 +49,7 @@ pub fn shelf() -> DecoderList {
         Worker::new(task.as_mut(), mailbox, forever([I16F16::ZERO; CHANNELS]))
     };
     let layout = Layout { directory: [0, SECTOR as u32], clips: 2 * SECTOR as u32..64 * SECTOR as u32 };
-    let capacity = Needs { channels: CHANNELS, correlations: CHANNELS, words: WORDS };
+    let capacity = Needs { channels: CHANNELS, words: 4 * CHANNELS, halves: WORDS };
     let store = Store::mount(Flash::new(64), layout, capacity).unwrap();
     Clips::new(&[], Some(store), live, [worker(), worker()])
 }

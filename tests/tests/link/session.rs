@@ -13,8 +13,8 @@ use host_sim::device::Config;
 use host_sim::link::streaming::{self, Parts, stream};
 use host_sim::link::upload::{Upload, list, upload, upload_again};
 use host_sim::link::{Client, LinkError};
-use host_sim::puppet::Map;
 use mocap::{Clip, sample};
+use puppet_file::Map;
 use std::time::{Duration, Instant};
 
 const BAUD: u32 = 115_200;

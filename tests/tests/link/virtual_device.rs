@@ -1,8 +1,8 @@
 //! A device on a thread, and lines to it that break when they are told to.
 
 use host_sim::device::{Config, Listener, run};
-use host_sim::puppet::{Map, Puppet};
 use mocap::skeleton::Skeleton;
+use puppet_file::{Map, Puppet};
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::Path;

@@ -45,7 +45,7 @@ const STREAM: Settings = Settings {
 /// Bytes of the line that are kept between ticks.
 const INPUT: usize = 2048;
 
-type Decoder = Workspace<CHANNELS, CHANNELS, WORDS>;
+type Decoder = Workspace<CHANNELS, { 4 * CHANNELS }, WORDS>;
 
 /// What a board brings for its host.
 pub struct Host<H, F> {

@@ -229,8 +229,7 @@ fn one_who_does_not_read_is_obeyed_and_not_waited_for() {
 
 #[test]
 fn the_largest_answers_fit() {
-    let error =
-        Error::Checksum { field: Field::Correlations, at: usize::MAX, found: u32::MAX, expected: u32::MAX };
+    let error = Error::Checksum { field: Field::Halves, at: usize::MAX, found: u32::MAX, expected: u32::MAX };
     let fault = Fault::Clip { error };
     let reading = Reading {
         position: i32::MIN,

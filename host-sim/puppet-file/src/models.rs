@@ -3,8 +3,8 @@
 //! Source: e-Manual, "Model Number" in the control table of each Dynamixel; Feetech's memory tables, where the number is
 //! the first byte and 256 times the second one.
 
-use super::file::Model;
 use firmware::map::BusKind;
+use serde::Deserialize;
 
 /// Models whose goal units are those of their kind of bus in puppet.toml.
 const MODELS: [(&str, u16); 44] = [
@@ -60,8 +60,31 @@ pub fn name(model: u16) -> String {
     known.map_or_else(|| format!("model {model}"), |(name, _)| (*name).to_owned())
 }
 
-/// The number of a model; for a name that is not known, a sentence with near ones.
-pub(crate) fn number(model: &Model) -> Result<u16, String> {
+/// A name that no model here has.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the model \"{name}\" is not known; the nearest are {}; its number does too", .nearest.join(", "))]
+pub struct UnknownModel {
+    /// The name.
+    pub name: String,
+    /// Names that are like it, the likest first.
+    pub nearest: [&'static str; 3],
+}
+
+/// A servo's model as a person writes it.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+pub enum Model {
+    /// Its number.
+    Number(u16),
+    /// Its name.
+    Name(String),
+}
+
+/// The number of a model.
+///
+/// # Errors
+/// [`UnknownModel`] for a name that is none of those here.
+pub fn number(model: &Model) -> Result<u16, UnknownModel> {
     let wanted = match model {
         Model::Number(number) => return Ok(*number),
         Model::Name(name) => name,
@@ -69,15 +92,12 @@ pub(crate) fn number(model: &Model) -> Result<u16, String> {
     if let Some((_, number)) = MODELS.iter().find(|(name, _)| name.eq_ignore_ascii_case(wanted)) {
         return Ok(*number);
     }
-    let mut near: Vec<&str> = MODELS.iter().map(|(name, _)| *name).collect();
+    let mut near = MODELS.map(|(name, _)| name);
     // What models begin with is their series.
     let likeness = |name: &str| strsim::jaro_winkler(name, wanted);
     near.sort_by(|one, other| likeness(other).total_cmp(&likeness(one)));
-    near.truncate(3);
-    Err(format!(
-        "the model \"{wanted}\" is not known; the nearest are {}; its number does too",
-        near.join(", ")
-    ))
+    let [first, second, third, ..] = near;
+    Err(UnknownModel { name: wanted.clone(), nearest: [first, second, third] })
 }
 
 /// Why a servo of this model does not do what a bus of this kind expects, if it does not.
@@ -106,7 +126,7 @@ mod tests {
             assert!(MODELS.iter().take(index).all(|(other, _)| other != text));
         }
         assert_eq!(name(4711), "model 4711");
-        assert!(number(&Model::Name("XM430-W35".into())).unwrap_err().contains("XM430-W350"));
+        assert!(number(&Model::Name("XM430-W35".into())).unwrap_err().nearest.contains(&"XM430-W350"));
         assert!(unfit(BusKind::Dynamixel, 350).is_some() && unfit(BusKind::Dynamixel, 1020).is_none());
     }
 }

@@ -11,7 +11,7 @@
 /// The 16.16 fixed-point word nearest to the float with these bits. One shift, no divide, no multiply.
 ///
 /// ```
-/// use decoder_core::float::fixed_from_f32_bits;
+/// use decoder_core::word::fixed_from_f32_bits;
 /// assert_eq!(fixed_from_f32_bits(1.5f32.to_bits()), 0x1_8000);
 /// assert_eq!(fixed_from_f32_bits(f32::NAN.to_bits()), 0);
 /// ```
