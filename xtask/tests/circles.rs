@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The crates whose files are checked, by their folder.
-const CRATES: [&str; 3] = ["decoder-core", "encoder", "firmware"];
+const CRATES: [&str; 4] = ["decoder-core", "encoder", "firmware", "host-sim/thumb-cycles"];
 
 /// Names of modules from the crate's root on.
 type Module = Vec<String>;
