@@ -7,7 +7,7 @@ use anyhow::{Result, anyhow, bail};
 use firmware::map::BusKind;
 use puppet_file::{Map, to_bytes};
 use serde::Serialize;
-use servo_wire::pwm::Timing;
+use servo_wire::pwm::PwmTiming;
 
 /// QEMU's name of the board `qemu-mps2`.
 pub const QEMU_MACHINE: &str = "mps2-an386";
@@ -151,7 +151,7 @@ impl Board {
             if bus.kind != BusKind::Pwm {
                 continue;
             }
-            if Timing::of(bus.baud).is_none() {
+            if PwmTiming::of(bus.baud).is_none() {
                 bail!("this board gives 40 to 400 pulses a second on PWM pins, and `baud` is {}", bus.baud);
             }
             let joints = map.joints().iter().filter(|joint| usize::from(joint.bus) == index);

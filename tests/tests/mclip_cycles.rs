@@ -6,12 +6,12 @@ use decoder_core::Limits;
 use decoder_core::mclip::{Clip, CodecId, EntropyId};
 use encoder::mclip::{Encoder, Lent, Predictor, Quality, Settings};
 use host_sim::profile::measure::Runner;
-use host_sim::profile::{mclip_images, prefix_images};
+use host_sim::profile::{LoadedImage, mclip_images, prefix_images};
 use mocap::import;
 use thumb_cycles::Core;
 
 /// Decodes on the simulated core, compares every frame, and gives the mean cycles of a frame and the worst one's.
-fn cycles(core: Core, image: &[u8], bytes: &[u8]) -> (f64, u64) {
+fn cycles(core: Core, image: &LoadedImage, bytes: &[u8]) -> (f64, u64) {
     let clip = Clip::parse(bytes, Limits::MAX).unwrap();
     let mut lent = Lent::new(clip.header().needs());
     let mut decoder = clip.decoder(lent.memory()).unwrap();

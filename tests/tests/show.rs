@@ -103,7 +103,7 @@ fn run(show: &Path, on: &str) -> (Value, String) {
     let output = command.output().unwrap();
     assert!(output.status.success(), "{on}: {}", String::from_utf8_lossy(&output.stderr));
     let page = fs::read_to_string(&page).unwrap();
-    assert!(page.starts_with("<!doctype html>") && page.ends_with("</html>\n"));
+    assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>\n"));
     assert!(!page.contains("NaN") && !page.contains("inf\""), "{on}: the page has numbers that are none");
     assert!(!page.contains("src=") && !page.contains("href="), "{on}: the page needs something else");
     (serde_json::from_slice(&output.stdout).unwrap(), fs::read_to_string(&log).unwrap())

@@ -12,16 +12,29 @@
 //! - [`both`]: two buses as one
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::indexing_slicing,
+        clippy::arithmetic_side_effects,
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::float_arithmetic
+    )
+)]
 
 pub mod blender;
 pub mod blocking;
-pub mod both;
 pub mod bus;
 pub mod dynamixel;
 pub mod feetech;
+pub mod joined;
 pub mod pca9685;
-mod pending;
 pub mod port;
 pub mod protocol1;
 pub mod pwm;
-mod roll;
+mod read_schedule;
+mod receive_buffer;
+#[cfg(test)]
+mod testing;

@@ -9,7 +9,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// A puppet's controller on virtual servos, in real time: the firmware's own code, with clips in a file instead of flash.
+/// Run a puppet's controller on virtual servos, in real time: the firmware's own code, with clips in a file instead of flash.
 ///
 /// Prints the port for `bunraku push`, `stream` and `monitor`, and runs until it is stopped with Ctrl-C.
 #[derive(clap::Args)]
@@ -81,7 +81,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     out.flush()?;
     drop(out);
-    device::run(&map, &config, listener, &|| false)?;
+    device::run_device(&map, &config, listener, &|| false)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 /// Run the firmware of a Raspberry Pi Pico in the emulator rp2040js, in real time, with virtual servos.
 ///
-/// Where this machine is too slow or was held up, simulated time falls behind and does not catch up; a pace below 95 % is told.
+/// Where this machine is too slow or was held up, simulated time falls behind and does not catch up; a pace below 95 % is printed.
 /// Its host's line is a TCP port, for `bunraku push`, `stream` and `monitor`; its log goes to standard error. Runs until it is stopped with
 /// Ctrl-C. Clips that are pushed are forgotten at the end.
 #[derive(clap::Args)]

@@ -8,7 +8,7 @@ use host_sim::profile;
 use host_sim::profile::baseline::Baseline;
 use host_sim::profile::parts::{PARTS, Part};
 use host_sim::profile::report::{Budget, Container, Simulation, Subject, Table, Ticks};
-use host_sim::profile::{CoreReport, Report, html, measure};
+use host_sim::profile::{CoreReport, LoadedImage, Report, html, measure};
 use host_sim::puppet::channels;
 use indicatif::{ProgressBar, ProgressStyle};
 use puppet_file::{Channels, Map, Puppet, to_bytes};
@@ -172,7 +172,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let (mut instructions, mut simulated) = (0, Duration::ZERO);
     for (&core, image) in cores.iter().zip(&images) {
         bar.set_message(core.name());
-        let measured = measure::run(core, image, args.wait_states, &expected, &mut || bar.inc(1))
+        let measured = measure::frames(core, image, args.wait_states, &expected, &mut || bar.inc(1))
             .with_context(|| format!("{name} on {}", core.name()))?;
         instructions += measured.instructions;
         simulated += measured.simulated;
@@ -196,8 +196,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         },
     };
     if let Some(path) = &args.html {
-        let mut page = String::new();
-        html::write(&mut page, &report)?;
+        let page = html::report_page(&report);
         files::write(path, |file| Ok(file.write_all(page.as_bytes())?))?;
     }
     if args.json {
@@ -269,7 +268,7 @@ fn container(clip: &Clip<'_>, table: Table) -> Container {
 }
 
 /// An image for every core.
-fn build(clip: &[u8], map: Option<&Map>, cores: &[Core], table: Table) -> Result<Vec<Vec<u8>>> {
+fn build(clip: &[u8], map: Option<&Map>, cores: &[Core], table: Table) -> Result<Vec<LoadedImage>> {
     let mut targets: Vec<&str> = cores.iter().map(|core| core.target()).collect();
     targets.sort_unstable();
     targets.dedup();

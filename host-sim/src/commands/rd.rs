@@ -4,12 +4,12 @@ use super::encode::{Codec, Entropy, positive};
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use encoder::mclip::{Encoder, Settings, Target, decode};
-use host_sim::rd::chart::Chart;
+use host_sim::plot::chart::Chart;
 use host_sim::rd::curve::Curve;
 use host_sim::rd::figure::{self, Figure};
 use host_sim::rd::sweep::{self, Point};
 use host_sim::rd::{self, Named, trace};
-use host_sim::{files, picture};
+use host_sim::{files, plot::png};
 use indicatif::{ProgressBar, ProgressStyle};
 use mocap::import;
 use mocap::metrics::{self, Evaluator};
@@ -342,7 +342,7 @@ fn draw(args: &Args, chart: impl Fn() -> Chart) -> Result<()> {
         files::write(path, |file| Ok(file.write_all(svg.as_bytes())?))?;
     }
     if let Some(path) = &args.png {
-        let png = picture::png(&svg)?;
+        let png = png::of_svg(&svg)?;
         files::write(path, |file| Ok(file.write_all(&png)?))?;
     }
     Ok(())

@@ -11,8 +11,9 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Instant;
 
-/// Virtual servos on serial ports or TCP ports, one for each bus of a puppet: Dynamixel X (protocol 2.0), AX and MX (1.0),
-/// Feetech STS and SCS, and what takes Blender's live frames.
+/// Serve virtual servos, on one port for each bus of a puppet: a pseudo terminal or a TCP port.
+///
+/// There are Dynamixel X (protocol 2.0), AX and MX (1.0), Feetech STS and SCS, and a receiver of Blender's live frames.
 ///
 /// Prints the port to connect to (NAME=PORT,NAME=PORT for several buses, as `--on` of other commands takes it) and answers until
 /// it is stopped with Ctrl-C.

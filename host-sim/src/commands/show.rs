@@ -1,6 +1,6 @@
 //! `bunraku show`: a whole show with everything that can happen, on one page.
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use host_sim::files;
 use host_sim::show::{self, Program, Ran, Summary};
@@ -58,8 +58,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let ran = ran.with_context(|| format!("cannot play {}", args.show.display()))?;
     let summary = Summary::new(&program, &ran, on);
     if let Some(path) = &args.html {
-        let mut page = String::new();
-        show::write(&mut page, &program, &ran, &summary).map_err(|_| anyhow!("cannot write the page"))?;
+        let page = show::show_page(&program, &ran, &summary);
         files::write(path, |file| Ok(file.write_all(page.as_bytes())?))?;
     }
     if let Some(path) = &args.log {

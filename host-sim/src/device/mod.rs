@@ -1,8 +1,8 @@
 //! A virtual device: the firmware's own machine, store, stream and link, on virtual servos, in real time.
 
-mod lines;
+mod hosts;
 
-pub use lines::{Lines, Listener};
+pub use hosts::{Hosts, Listener};
 
 use crate::flash::Flash;
 use crate::servos::line::{Instantly, Line};
@@ -20,8 +20,8 @@ use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use puppet_file::Map;
-use servo_wire::dynamixel::{Client, DynamixelBus};
-use servo_wire::port::{Automatic, Line as Timing, Port};
+use servo_wire::dynamixel::{DynamixelBus, DynamixelClient};
+use servo_wire::port::{Automatic, LineConfig, Port};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -74,7 +74,7 @@ impl Default for Config {
 ///
 /// # Errors
 /// A sentence where the puppet has servos other than Dynamixel on one bus, or the flash's file cannot be used.
-pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> bool) -> Result<()> {
+pub fn run_device(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> bool) -> Result<()> {
     if map.buses().len() != 1 || map.buses().iter().any(|bus| bus.kind != BusKind::Dynamixel) {
         bail!("the virtual servos are Dynamixel X on one bus, and this puppet has others");
     }
@@ -87,8 +87,8 @@ pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> b
     let power_on = Instant::now();
     let line = Line::new(|bytes: &[u8]| servos.receive(bytes, micros(power_on.elapsed()), &mut |_| ()));
     let baud = map.buses().first().map_or(0, |bus| bus.baud);
-    let port = Port::new(line, Automatic, Instantly, Timing::uart(baud));
-    let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
+    let port = Port::new(line, Automatic, Instantly, LineConfig::uart(baud));
+    let mut bus = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
 
     let live = live(config);
     let clips = Clips::new(&[], Some(store(config)?), live, [worker(live), worker(live)]);
@@ -98,7 +98,7 @@ pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> b
     let mut surroundings = RealTime {
         map,
         device: Device::new(identity),
-        lines: Lines::new(listener),
+        hosts: Hosts::new(listener),
         ended,
         power_on,
         start: Instant::now(),
@@ -111,25 +111,25 @@ pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> b
 }
 
 /// Memory of a device, which a board has for ever.
-fn forever<T>(memory: T) -> &'static mut T {
+fn leak<T>(memory: T) -> &'static mut T {
     Box::leak(Box::new(memory))
 }
 
 /// The live stream.
 fn live(config: &Config) -> &'static Live<'static> {
-    let pose = || &mut forever([I16F16::ZERO; CHANNELS])[..];
+    let pose = || &mut leak([I16F16::ZERO; CHANNELS])[..];
     let poses = [pose(), pose(), pose(), pose()];
-    let player = PlayerMemory { header: forever([0; HEADER_BYTES]), block: forever([0; DATA_BYTES]), poses };
-    let memory = Memory { buffer: forever([0; STREAM_BYTES]), player };
-    forever(Live::new(memory, config.stream))
+    let player = PlayerMemory { header: leak([0; HEADER_BYTES]), block: leak([0; DATA_BYTES]), poses };
+    let memory = Memory { buffer: leak([0; STREAM_BYTES]), player };
+    leak(Live::new(memory, config.stream))
 }
 
 /// A decoder.
 fn worker(live: &'static Live<'static>) -> Worker<'static, 'static> {
-    let mailbox: &'static Mailbox<'static> = forever(Mailbox::new());
-    let memory = forever(Workspace::<CHANNELS, CHANNELS, WORDS>::new());
-    let task = forever(Box::pin(decode(mailbox, memory, live)));
-    Worker::new(task.as_mut(), mailbox, forever([I16F16::ZERO; CHANNELS]))
+    let mailbox: &'static Mailbox<'static> = leak(Mailbox::new());
+    let memory = leak(Workspace::<CHANNELS, CHANNELS, WORDS>::new());
+    let task = leak(Box::pin(decode(mailbox, memory, live)));
+    Worker::new(task.as_mut(), mailbox, leak([I16F16::ZERO; CHANNELS]))
 }
 
 /// The clips in flash: the directory in the first two sectors, clips in the others.
@@ -147,11 +147,11 @@ fn store(config: &Config) -> Result<Store<Flash<SECTOR>>> {
     Ok(Store::mount(flash, layout, capacity)?)
 }
 
-/// Ticks by the computer's clock, with hosts on lines.
+/// Ticks by the computer's clock, with hosts on hosts.
 struct RealTime<'a> {
     map: &'a Map,
     device: Device,
-    lines: Lines,
+    hosts: Hosts,
     ended: &'a dyn Fn() -> bool,
     power_on: Instant,
     /// When tick 0 was, or would have been had this computer never been busy with others.
@@ -182,11 +182,11 @@ impl Surroundings<Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS> for RealTime<'_> {
         machine: &mut Machine<'_, Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS>,
         feedback: &Feedback<'_>,
     ) -> bool {
-        let Self { device, lines, .. } = self;
+        let Self { device, hosts, .. } = self;
         let millis = micros(self.power_on.elapsed()) / 1000;
         let told = Feedback { late: self.late, ..*feedback };
         device.tick(machine, &told, millis as u32, micros(self.busy) as u32);
-        lines.serve(|session, bytes| device.serve(session, bytes, machine, feedback));
+        hosts.serve(|session, bytes| device.serve(session, bytes, machine, feedback));
         !(self.ended)()
     }
 

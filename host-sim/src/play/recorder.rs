@@ -1,6 +1,6 @@
 //! Virtual servos on a line, and what they are told.
 
-use super::{Recording, Taken, seconds};
+use super::recording::{Recording, Taken, seconds};
 use crate::servos::pins::Pins;
 use crate::servos::{Bus, BusConfig, ConfigError, Deed, Event, ServoConfig};
 use anyhow::{Result, bail};

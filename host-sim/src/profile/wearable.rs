@@ -9,7 +9,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use firmware::clock::{Clock, MAX_TICK_HZ, Speed};
 use firmware::wearable::Wearable;
 use puppet_file::{Map, to_bytes};
-use thumb_cycles::{Core, Image, Machine, Stop};
+use thumb_cycles::{Core, Stop};
 
 /// Most that SysTick counts to.
 const MOST_RELOAD: u32 = 1 << 24;
@@ -64,18 +64,14 @@ pub fn wear(
     }
     let expected = levels(clip, map, output_hz)?;
     let core = Core::M4;
-    let elf = super::wearable_image(bytes, &to_bytes(map), core.target(), output_hz, clock_hz)?;
-    let image = Image::parse(&elf).map_err(|error| anyhow!(error))?;
-    let mut machine =
-        Machine::new(core, &measure::board(wait_states), &image).map_err(|error| anyhow!(error))?;
+    let loaded = super::wearable_image(bytes, &to_bytes(map), core.target(), output_hz, clock_hz)?;
+    let (image, mut machine) = measure::start(core, &loaded, wait_states)?;
     let present = image.symbol("present").context("the image has no function present")? & !1;
     let failed = image.symbol("failed").map(|address| address & !1);
     for address in [Some(present), failed].into_iter().flatten() {
         machine.set_breakpoint(address);
     }
-    let memory = super::elf::Memory::of(&elf)?;
-    let (flash_bytes, ram_bytes) = (memory.flash_bytes(), memory.ram_bytes());
-    let mut worn = Worn { awake: Vec::new(), cycles: 0, flash_bytes, ram_bytes, stack_bytes: 0 };
+    let mut worn = Worn { awake: Vec::new(), cycles: 0, flash_bytes: 0, ram_bytes: 0, stack_bytes: 0 };
     let mut before = None;
     for (tick, expected) in expected.iter().enumerate() {
         // The first tick comes after the clip was opened.
@@ -101,6 +97,9 @@ pub fn wear(
         }
         before = Some((before.map_or(cycles, |(first, _)| first), awake));
     }
+    let lent = measure::lent_bytes(&machine, &image);
+    let memory = super::elf::Memory::of(&loaded.elf)?.with(loaded.file_bytes() as u64, lent.into());
+    (worn.flash_bytes, worn.ram_bytes) = (memory.flash_bytes(), memory.ram_bytes());
     worn.stack_bytes = machine.usage().stack;
     Ok(worn)
 }

@@ -1,8 +1,8 @@
 //! The graphs: which curves they show, and how their points become lines.
 
-use super::chart::{Axis, Chart, Line, Look, Marker, Panel};
 use super::curve::{Curve, Sweep};
 use super::sweep::{POOLED, Point};
+use crate::plot::chart::{Axis, Chart, Line, Look, Marker, Panel};
 use decoder_core::mclip::{CodecId, EntropyId};
 
 /// A graph of the two documents that this reproduces. Those over time, of one channel, are [`super::trace`]'s.

@@ -1,9 +1,9 @@
 //! One channel over time: what was recorded, what is decoded, and the error (figures 7-2, 7-5 and 7-7).
 
 use super::Named;
-use super::chart::{Axis, Chart, Line, Look, Marker, Panel};
 use super::curve::{Curve, Sweep};
 use super::sweep;
+use crate::plot::chart::{Axis, Chart, Line, Look, Marker, Panel};
 use anyhow::{Context, Result, bail};
 use encoder::mclip::Quality;
 use puppet_file::Channels;

@@ -2,12 +2,13 @@
 
 use super::line::Instantly;
 use anyhow::{Result, anyhow};
+use embedded_hal::pwm::{ErrorType as PwmErrorType, SetDutyCycle};
 use embedded_hal_async::i2c::{
     ErrorKind as I2cErrorKind, ErrorType as I2cErrorType, I2c, NoAcknowledgeSource, Operation,
 };
 use firmware::map::{BusKind, BusSpec};
-use servo_wire::pca9685::{CHANNELS, OSCILLATOR_HZ, Pca9685Bus};
-use servo_wire::pwm::{Calibration, Channel, PwmBus, SetDutyCycle, Timing};
+use servo_wire::pca9685::{CHANNELS, DEFAULT_ADDRESS, OSCILLATOR_HZ, Pca9685Bus};
+use servo_wire::pwm::{Calibration, Channel, PwmBus, PwmTiming};
 use std::cell::RefCell;
 use std::convert::Infallible;
 use std::rc::Rc;
@@ -17,9 +18,6 @@ pub const PWM_PINS: usize = 8;
 
 /// Bytes of the PCA9685's registers.
 const REGISTERS: usize = 256;
-
-/// Its I2C address.
-const ADDRESS: u8 = 0x40;
 
 // Its registers (NXP, "PCA9685", section 7.3), and bits of them.
 const MODE1: usize = 0x00;
@@ -100,7 +98,7 @@ impl Board {
     pub fn pca9685(&self) -> Result<Pca9685Bus<Chip, Instantly>> {
         let calibrations = [Calibration::WIDE; CHANNELS];
         let chip = Chip(self.0.clone());
-        Pca9685Bus::at(chip, ADDRESS.into(), Instantly, OSCILLATOR_HZ, calibrations)
+        Pca9685Bus::at(chip, DEFAULT_ADDRESS, Instantly, OSCILLATOR_HZ, calibrations)
             .map_err(|error| anyhow!("the PCA9685: {error}"))
     }
 
@@ -109,8 +107,8 @@ impl Board {
     /// # Errors
     /// A sentence where that is too many, or too few.
     pub fn pwm(&self, spec: BusSpec) -> Result<PwmBus<Pin, PWM_PINS>> {
-        let timing =
-            Timing::of(spec.baud).ok_or_else(|| anyhow!("PWM cannot give {} pulses a second", spec.baud))?;
+        let timing = PwmTiming::of(spec.baud)
+            .ok_or_else(|| anyhow!("PWM cannot give {} pulses a second", spec.baud))?;
         let pin = |channel| Pin { board: self.0.clone(), channel, top: timing.top };
         let channels = std::array::from_fn(|channel| Channel::new(pin(channel), Calibration::WIDE));
         Ok(PwmBus::new(channels, timing.period_us))
@@ -130,7 +128,7 @@ impl I2c for Chip {
         address: u8,
         operations: &mut [Operation<'_>],
     ) -> Result<(), I2cErrorKind> {
-        if address != ADDRESS {
+        if address != DEFAULT_ADDRESS {
             return Err(I2cErrorKind::NoAcknowledge(NoAcknowledgeSource::Address));
         }
         let registers = &mut self.0.borrow_mut().registers;
@@ -167,7 +165,7 @@ pub struct Pin {
     top: u16,
 }
 
-impl servo_wire::pwm::ErrorType for Pin {
+impl PwmErrorType for Pin {
     type Error = Infallible;
 }
 
@@ -177,7 +175,7 @@ impl SetDutyCycle for Pin {
     }
 
     fn set_duty_cycle(&mut self, duty: u16) -> Result<(), Infallible> {
-        self.board.borrow_mut().tenths[self.channel] = Timing::tenths_us(duty);
+        self.board.borrow_mut().tenths[self.channel] = PwmTiming::tenths_us(duty);
         Ok(())
     }
 }
@@ -185,7 +183,7 @@ impl SetDutyCycle for Pin {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ports::run;
+    use crate::ports::block_on;
     use servo_wire::bus::{Goal, ServoBus};
 
     #[test]
@@ -195,12 +193,12 @@ mod tests {
         let (mut pca, mut pwm) = (board.pca9685().unwrap(), board.pwm(spec).unwrap());
         let goals = [Goal { id: 7, position: 1501 }, Goal { id: 2, position: 500 }];
         for index in 0..2 {
-            run(pca.set_torque(&[7, 2], index, true)).unwrap();
-            run(pwm.set_torque(&[7, 2], index, true)).unwrap();
+            block_on(pca.set_torque(&[7, 2], index, true)).unwrap();
+            block_on(pwm.set_torque(&[7, 2], index, true)).unwrap();
         }
         assert_eq!(board.pins().pulse_us(BusKind::Pca9685, 7), None);
-        run(pca.write_goals(&goals)).unwrap();
-        run(pwm.write_goals(&goals)).unwrap();
+        block_on(pca.write_goals(&goals)).unwrap();
+        block_on(pwm.write_goals(&goals)).unwrap();
         let pins = board.pins();
         assert_eq!([7, 2, 3].map(|id| pins.pulse_us(BusKind::Pwm, id)), [Some(1501), Some(500), None]);
         // A step is 4.88 µs: 308 and 102 of them are nearest.

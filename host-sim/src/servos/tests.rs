@@ -1,11 +1,10 @@
 //! What the servos do on the wire, seen from a client.
 
 use super::{Bus, BusConfig, ConfigError, Deed, Event, START_US, ServoConfig};
+use servo_wire::bus::Goal;
 use servo_wire::dynamixel::instruction::ALERT;
 use servo_wire::dynamixel::table::*;
-use servo_wire::dynamixel::{
-    BROADCAST_ID, ErrorNumber, Framer, Goal, Instruction, PacketWriter, goal_positions,
-};
+use servo_wire::dynamixel::{BROADCAST_ID, ErrorNumber, Framer, Instruction, PacketWriter, goal_positions};
 
 /// Id, error byte and parameters of a status packet.
 type Answer = (u8, u8, Vec<u8>);

@@ -236,7 +236,7 @@ fn a_million_frames() {
 
     for fast in [true, false] {
         let wire = wire(Babble::new(true), None, line);
-        let bus = DynamixelBus::new(dynamixel::Client::<_, _, _, 640>::new(port(&wire, line)));
+        let bus = DynamixelBus::new(dynamixel::DynamixelClient::<_, _, _, 640>::new(port(&wire, line)));
         let mut bus = if fast { bus } else { bus.with_plain_reads() };
         let good = storm(&wire, &mut bus, limit, answers2, |reading, data| {
             data.len() == BLOCK_LEN && reading.position.to_le_bytes() == data[5..9]
@@ -244,8 +244,9 @@ fn a_million_frames() {
         report(if fast { "Dynamixel 2.0" } else { "Dynamixel 2.0, plain reads" }, &wire, good);
     }
     let wire1 = || wire(Babble::new(false), None, line);
-    let client =
-        |wire: &Wire<Babble>| protocol1::Client::<_, _, _, 192>::new(port(wire, line) as Port2<Babble>);
+    let client = |wire: &Wire<Babble>| {
+        protocol1::Protocol1Client::<_, _, _, 192>::new(port(wire, line) as Port2<Babble>)
+    };
     let wire = wire1();
     let good = storm(&wire, &mut Protocol1Bus::new(client(&wire)), limit, answers1, |reading, data| {
         data.len() == 20 && reading.position == i32::from(i16::from_le_bytes([data[12], data[13]]))

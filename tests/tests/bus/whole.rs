@@ -15,8 +15,8 @@ use firmware::limits::FINE_BITS;
 use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, Policy, Settings};
 use host_sim::servos::{Bus, BusConfig, Deed, Event, ServoConfig};
-use servo_wire::dynamixel::{Client, DynamixelBus};
-use servo_wire::port::{Line, Port};
+use servo_wire::dynamixel::{DynamixelBus, DynamixelClient};
+use servo_wire::port::{LineConfig, Port};
 use std::collections::BTreeMap;
 
 const BAUD: u32 = 1_000_000;
@@ -258,8 +258,8 @@ fn play(policy: Policy, fault: Option<(usize, Struck)>) -> Result<Outcome, Strin
         Some((at, fault)) => wire.with_fault(at, fault),
         None => wire,
     };
-    let port = Port::new(wire.clone(), wire.clone(), wire.clone(), Line::uart(BAUD));
-    let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
+    let port = Port::new(wire.clone(), wire.clone(), wire.clone(), LineConfig::uart(BAUD));
+    let mut bus = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
     let library = SingleClip::new(Swing(0, [I16F16::ZERO]), None);
     let mut machine = Machine::new(&map, library, Show { playlist: &[0], ..Show::default() }, Start::Power);
     let mut evening = Evening {

@@ -9,6 +9,7 @@ use firmware::fault::Feedback;
 use firmware::link::frame::{Deframer, OVERHEAD, crc32, wire_len, write};
 use firmware::link::message::{ANSWER_BYTES, Answer, REQUEST_BYTES, Refusal, Request, Response, VERSION};
 use firmware::link::session::Session;
+use firmware::link::wire::decode_all;
 use firmware::machine::{Action, Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
 use firmware::store::Status;
@@ -60,7 +61,7 @@ fn flash_that_stalls_is_written_at_rest_in_every_second_tick() {
         action = machine.tick(&feedback).action;
         let mut outgoing = outgoing.as_slice();
         let frame = reply.feed(&mut outgoing).unwrap().unwrap();
-        match postcard::from_bytes(frame.message).unwrap() {
+        match decode_all(frame.message).unwrap() {
             Answer::Response(response) => response,
             event => panic!("{event:?}"),
         }

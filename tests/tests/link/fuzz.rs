@@ -13,6 +13,7 @@ use firmware::fault::Feedback;
 use firmware::link::frame::{Deframer, OVERHEAD, crc32, wire_len, write};
 use firmware::link::message::{ANSWER_BYTES, Answer, REQUEST_BYTES, Request, Response, VERSION};
 use firmware::link::session::Session;
+use firmware::link::wire::decode_all;
 use firmware::machine::{Command, Machine, Show, Start};
 use firmware::map::MAX_SERVOS;
 use firmware::store::{Layout, Store};
@@ -287,7 +288,7 @@ fn anything_on_the_link_is_borne() {
         session.sent(outgoing.len());
         let mut outgoing = outgoing.as_slice();
         while let Some(frame) = reply.feed(&mut outgoing) {
-            let answer: Answer = postcard::from_bytes(frame.unwrap().message).unwrap();
+            let answer: Answer = decode_all(frame.unwrap().message).unwrap();
             host.hear(&answer);
             answers += 1;
         }

@@ -7,7 +7,7 @@
 use super::crc;
 use super::instruction::{BROADCAST_ID, Instruction};
 use super::packet::{HEADER, OVERHEAD, PREFIX, Packet, unstuff};
-use crate::pending::{Pending, Span};
+use crate::receive_buffer::{ReceiveBuffer, Span};
 use core::fmt;
 
 /// Why bytes that began like a packet are not one.
@@ -62,7 +62,7 @@ impl core::error::Error for FrameError {}
 /// ```
 #[derive(Debug)]
 pub struct Framer<const N: usize> {
-    pending: Pending<N>,
+    received: ReceiveBuffer<N>,
 }
 
 impl<const N: usize> Default for Framer<N> {
@@ -76,12 +76,12 @@ impl<const N: usize> Framer<N> {
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(N >= OVERHEAD, "a framer must hold at least a packet without parameters") };
-        Self { pending: Pending::new() }
+        Self { received: ReceiveBuffer::new() }
     }
 
     /// Forgets what is not yet given out.
     pub fn clear(&mut self) {
-        self.pending.clear();
+        self.received.clear();
     }
 
     /// Takes bytes from the front of `input` and returns the next packet; `None` once all bytes are taken and no
@@ -91,7 +91,7 @@ impl<const N: usize> Framer<N> {
     /// imitates headers costs a checksum over up to `N` bytes for each imitation.
     pub fn feed(&mut self, input: &mut &[u8]) -> Option<Result<Packet<'_>, FrameError>> {
         let found = loop {
-            self.pending.take(input);
+            self.received.fill(input);
             if let Some(found) = self.scan(false) {
                 break found;
             }
@@ -112,20 +112,20 @@ impl<const N: usize> Framer<N> {
     /// The next packet, which then no longer is pending. `last`: no byte will follow.
     fn scan(&mut self, last: bool) -> Option<Result<Span, FrameError>> {
         loop {
-            self.pending.skip(to_header(self.pending.bytes()));
-            let pending = self.pending.bytes();
+            self.received.skip(to_header(self.received.unread()));
+            let pending = self.received.unread();
             let complete = match pending {
                 [_, _, _, _, _, low, high, ..] => Self::check(pending, u16::from_le_bytes([*low, *high])),
                 _ => None,
             };
             let left = pending.len();
             match complete {
-                Some(Ok(len)) => return Some(Ok(self.pending.give(len))),
+                Some(Ok(len)) => return Some(Ok(self.received.give_out(len))),
                 Some(Err(error)) => {
-                    self.pending.skip(HEADER.len());
+                    self.received.skip(HEADER.len());
                     return Some(Err(error));
                 }
-                None if last && left > 0 => self.pending.skip(HEADER.len().min(left)),
+                None if last && left > 0 => self.received.skip(HEADER.len().min(left)),
                 None => return None,
             }
         }
@@ -151,7 +151,7 @@ impl<const N: usize> Framer<N> {
 
     /// The checked packet that is given out, stuffing removed.
     fn packet(&mut self, span: Span) -> Result<Packet<'_>, FrameError> {
-        let bytes = self.pending.given(span);
+        let bytes = self.received.given(span);
         let [_, _, _, _, id, _, _, instruction, parameters @ .., _, _] = bytes else {
             return Err(FrameError::TooShort { length: 0 });
         };

@@ -1,4 +1,4 @@
-//! The lines of a virtual device: TCP connections or a pseudo terminal, none of which is ever waited for.
+//! The hosts of a virtual device, on TCP connections or a pseudo terminal, none of which is ever waited for.
 
 #[cfg(unix)]
 use crate::servos::serve::Pty;
@@ -49,12 +49,12 @@ impl Listener {
 
 /// A host, and what was said.
 struct Host {
-    line: Line,
+    connection: Connection,
     session: Session,
     input: Vec<u8>,
 }
 
-enum Line {
+enum Connection {
     Tcp(TcpStream),
     /// The listener's own.
     Pty,
@@ -63,15 +63,15 @@ enum Line {
 }
 
 /// All hosts.
-pub struct Lines {
+pub struct Hosts {
     listener: Listener,
     hosts: Vec<Host>,
 }
 
-impl Lines {
+impl Hosts {
     /// Nobody is there yet.
     pub fn new(listener: Listener) -> Self {
-        let host = Host { line: Line::Pty, session: Session::new(), input: Vec::new() };
+        let host = Host { connection: Connection::Pty, session: Session::new(), input: Vec::new() };
         let hosts = if matches!(listener, Listener::Tcp(_)) { Vec::new() } else { vec![host] };
         Self { listener, hosts }
     }
@@ -83,13 +83,13 @@ impl Lines {
         for host in hosts.iter_mut() {
             let mut buffer = [0; INPUT];
             let room = INPUT.saturating_sub(host.input.len());
-            let read = match (&mut host.line, &mut *listener) {
-                (Line::Tcp(stream), _) => stream.read(&mut buffer[..room]),
+            let read = match (&mut host.connection, &mut *listener) {
+                (Connection::Tcp(stream), _) => stream.read(&mut buffer[..room]),
                 #[cfg(unix)]
-                (Line::Pty, Listener::Pty(pty)) => pty.read_now(&mut buffer[..room]),
+                (Connection::Pty, Listener::Pty(pty)) => pty.read_now(&mut buffer[..room]),
                 _ => Err(ErrorKind::WouldBlock.into()),
             };
-            let mut ended = matches!((&host.line, &read), (Line::Tcp(_), Ok(0)) if room > 0);
+            let mut ended = matches!((&host.connection, &read), (Connection::Tcp(_), Ok(0)) if room > 0);
             match read {
                 Ok(count) => host.input.extend(&buffer[..count]),
                 Err(error) => ended |= !waits(error.kind()),
@@ -99,11 +99,11 @@ impl Lines {
             let taken = host.input.len() - rest.len();
             host.input.drain(..taken);
             let outgoing = host.session.outgoing();
-            let written = match (&mut host.line, &mut *listener) {
+            let written = match (&mut host.connection, &mut *listener) {
                 _ if outgoing.is_empty() => Ok(0),
-                (Line::Tcp(stream), _) => stream.write(outgoing),
+                (Connection::Tcp(stream), _) => stream.write(outgoing),
                 #[cfg(unix)]
-                (Line::Pty, Listener::Pty(pty)) => pty.write(outgoing),
+                (Connection::Pty, Listener::Pty(pty)) => pty.write(outgoing),
                 // Nobody reads it.
                 _ => Ok(outgoing.len()),
             };
@@ -111,13 +111,13 @@ impl Lines {
                 Ok(count) => host.session.sent(count),
                 Err(error) => ended |= !waits(error.kind()),
             }
-            if ended && matches!(host.line, Line::Tcp(_)) {
-                host.line = Line::Gone;
+            if ended && matches!(host.connection, Connection::Tcp(_)) {
+                host.connection = Connection::Gone;
                 host.input.clear();
             }
         }
         // Who had to be there is missed until that is noticed.
-        hosts.retain(|host| !matches!(host.line, Line::Gone) || host.session.is_held());
+        hosts.retain(|host| !matches!(host.connection, Connection::Gone) || host.session.is_held());
     }
 
     fn accept(&mut self) {
@@ -126,12 +126,13 @@ impl Lines {
             if stream.set_nonblocking(true).and_then(|()| stream.set_nodelay(true)).is_err() {
                 continue;
             }
-            let line = Line::Tcp(stream);
+            let connection = Connection::Tcp(stream);
             // As on a serial line, where one host goes and another comes.
-            if let Some(host) = self.hosts.iter_mut().find(|host| matches!(host.line, Line::Gone)) {
-                host.line = line;
+            if let Some(host) = self.hosts.iter_mut().find(|host| matches!(host.connection, Connection::Gone))
+            {
+                host.connection = connection;
             } else if self.hosts.len() < HOSTS {
-                self.hosts.push(Host { line, session: Session::new(), input: Vec::new() });
+                self.hosts.push(Host { connection, session: Session::new(), input: Vec::new() });
             }
         }
     }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 ///
 /// # Errors
 /// A sentence where the SVG is not sound or has no size.
-pub fn png(svg: &str) -> Result<Vec<u8>> {
+pub fn of_svg(svg: &str) -> Result<Vec<u8>> {
     let cannot = |error: &dyn std::fmt::Display| anyhow!("cannot draw the PNG: {error}");
     let mut options = Options { font_family: "DejaVu Sans".to_owned(), ..Options::default() };
     let fonts = Arc::make_mut(&mut options.fontdb);
@@ -34,7 +34,7 @@ mod tests {
             format!(r#"<svg width="40" height="30" xmlns="http://www.w3.org/2000/svg">{inside}</svg>"#)
         };
         let drawn = |inside: &str| {
-            let pixels = Pixmap::decode_png(&png(&svg(inside)).unwrap()).unwrap();
+            let pixels = Pixmap::decode_png(&of_svg(&svg(inside)).unwrap()).unwrap();
             assert_eq!((pixels.width(), pixels.height()), (40, 30));
             pixels.pixels().iter().filter(|pixel| pixel.alpha() > 0).count()
         };
@@ -42,6 +42,6 @@ mod tests {
         assert_eq!(drawn(r#"<rect x="10" y="10" width="4" height="3"/>"#), 12);
         let text = drawn(r#"<text x="2" y="20" font-family="sans-serif" font-size="16">dB</text>"#);
         assert!((60..400).contains(&text), "{text} pixels of text");
-        assert!(png("<svg").unwrap_err().to_string().starts_with("cannot draw the PNG: "));
+        assert!(of_svg("<svg").unwrap_err().to_string().starts_with("cannot draw the PNG: "));
     }
 }

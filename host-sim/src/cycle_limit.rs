@@ -46,7 +46,7 @@ pub enum Goal {
 
 /// A clip that was tried.
 #[derive(Clone, Debug)]
-pub struct Tried {
+pub struct TriedClip {
     /// Its settings.
     pub settings: Settings,
     /// The clip.
@@ -84,7 +84,7 @@ pub fn candidates(base: &Settings, codec: Option<CodecId>, entropy: Option<Entro
 }
 
 /// A sentence's name for settings, for instance `dpcm, second order, huffman`.
-pub fn name(settings: &Settings) -> String {
+pub fn describe(settings: &Settings) -> String {
     let predictor = match settings.predictor {
         _ if settings.codec != CodecId::Dpcm && settings.codec != CodecId::Adpcm => "",
         Predictor::Last => ", last value",
@@ -118,17 +118,17 @@ pub fn header_core(number: u8) -> Option<Core> {
 /// # Errors
 /// Where none is within the limit, a sentence that names the one with the fewest cycles; those of building and running
 /// images.
-pub fn best(
+pub fn best_clip(
     encoder: &Encoder<'_>,
     evaluator: &Evaluator,
     candidates: &[Settings],
     goal: Goal,
     limit: Limit,
     progress: &mut dyn FnMut(String),
-) -> Result<Tried> {
+) -> Result<TriedClip> {
     let mut clips = Vec::new();
     for settings in candidates {
-        progress(format!("encoding as {}", name(settings)));
+        progress(format!("encoding as {}", describe(settings)));
         let encoded = match goal {
             Goal::Bits(bits) if bits > settings.most_bits() => continue,
             Goal::Bits(bits) => encoder.measured(settings, Quality::Bits(bits), evaluator),
@@ -143,11 +143,12 @@ pub fn best(
         _ => encoded.bytes.len() as f64,
     };
     clips.sort_by(|(_, one), (_, other)| cost(one).total_cmp(&cost(other)));
-    let mut least: Option<Tried> = None;
+    let mut least: Option<TriedClip> = None;
     for (settings, encoded) in clips {
-        progress(format!("counting cycles of {}", name(settings)));
-        let (bytes, cycles_max) = certified(&encoded.bytes, limit.core).with_context(|| name(settings))?;
-        let tried = Tried { settings: *settings, encoded: Encoded { bytes, ..encoded }, cycles_max };
+        progress(format!("counting cycles of {}", describe(settings)));
+        let (bytes, cycles_max) =
+            certified(&encoded.bytes, limit.core).with_context(|| describe(settings))?;
+        let tried = TriedClip { settings: *settings, encoded: Encoded { bytes, ..encoded }, cycles_max };
         if cycles_max <= limit.cycles {
             return Ok(tried);
         }
@@ -160,7 +161,7 @@ pub fn best(
         "the fewest cycles of a worst frame on {} are {}, with {} in {} bytes, above the limit of {}",
         limit.core.name(),
         least.cycles_max,
-        name(&least.settings),
+        describe(&least.settings),
         least.encoded.bytes.len(),
         limit.cycles
     )
@@ -187,8 +188,9 @@ fn certified(bytes: &[u8], core: Core) -> Result<(Vec<u8>, u64)> {
 /// Cycles of a clip's most expensive frame.
 fn worst_frame(bytes: &[u8], core: Core) -> Result<u64> {
     let clip = Clip::parse(Path::new("clip.mclip"), bytes)?;
-    let image = profile::mclip_images(bytes, &[core.target()], false)?.concat();
-    let measured = measure::run(core, &image, 0, &profile::frames(&clip)?, &mut || ())?;
+    let images = profile::mclip_images(bytes, &[core.target()], false)?;
+    let image = images.first().context("no image was built")?;
+    let measured = measure::frames(core, image, 0, &profile::frames(&clip)?, &mut || ())?;
     measured.frame_cycles.iter().copied().max().ok_or_else(|| anyhow!("the clip has no frames"))
 }
 
@@ -219,6 +221,6 @@ mod tests {
         assert_eq!(given, [expected]);
         let free = candidates(&Settings::new(CodecId::Dpcm), None, None);
         assert_eq!(free.len(), 5 * 2);
-        assert_eq!(name(&free[0]), "pcm, huffman");
+        assert_eq!(describe(&free[0]), "pcm, huffman");
     }
 }

@@ -1,5 +1,6 @@
 //! Panels of lines with one legend, as SVG.
 
+use super::scale::short;
 use anyhow::{Result, anyhow};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
@@ -298,40 +299,9 @@ fn log_points(range: &Range<f64>) -> Vec<f64> {
     points.filter(|point| range.contains(point)).collect()
 }
 
-/// A number for an axis: 12k instead of 12000, and no more digits than it has.
-fn short(value: f64) -> String {
-    let (value, unit) = match value.abs() {
-        size if size >= 1e6 => (value / 1e6, "M"),
-        size if size >= 1e3 => (value / 1e3, "k"),
-        _ => (value, ""),
-    };
-    // Three significant digits, without the zeros at the end.
-    let digits = (2 - value.abs().max(1e-9).log10().floor() as i32).clamp(0, 9) as usize;
-    let text = format!("{value:.digits$}");
-    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    format!("{}{unit}", if text == "-0" { "0" } else { text })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn numbers_are_short() {
-        for (value, text) in [
-            (0.0, "0"),
-            (0.05, "0.05"),
-            (0.1 + 0.2, "0.3"),
-            (-2.5, "-2.5"),
-            (20.0, "20"),
-            (1500.0, "1.5k"),
-            (12_000.0, "12k"),
-            (2e6, "2M"),
-            (-1e-12, "0"),
-        ] {
-            assert_eq!(short(value), text);
-        }
-    }
 
     #[test]
     fn logarithmic_axes_have_names() {

@@ -1,11 +1,13 @@
-//! Stores a motion in every way, and plays each on the simulator.
+//! Stores a motion in every way, and plays what was stored on the simulator.
 
-use super::{PACKERS, Packer, Quantised};
+use super::pack::{self, PACKERS, Packer};
+use super::quantised::Quantised;
 use crate::clip::Clip;
 use crate::image::Image;
-use crate::profile;
 use crate::profile::elf::Memory;
+use crate::profile::loaded::Contents;
 use crate::profile::measure::{self, Measured};
+use crate::profile::{self, LoadedImage};
 use anyhow::{Context, Result, bail};
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::mclip::{Encoder, Quality, Settings, Target};
@@ -147,73 +149,101 @@ pub struct Entry {
     pub costs: Vec<Cost>,
 }
 
-/// Stores a motion by one method, builds its player for every core and plays it. Every frame is compared with what
-/// this machine has.
-///
-/// # Errors
-/// A sentence that says what could not be stored, built or run.
-pub fn run(clip: &mocap::Clip, method: Method, cores: &[Core]) -> Result<Entry> {
-    let mut targets: Vec<&str> = cores.iter().map(|core| core.target()).collect();
-    targets.sort_unstable();
-    targets.dedup();
-    let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
-    let (bytes, images, mean_joint_cm, expected) = match method {
-        Method::Int16 { packer, delta } => {
-            let stored = Quantised::new(clip)?;
-            let store = packer.pack(&stored.bytes(delta), stored.block_frames() * stored.channels() * 2)?;
-            let variables = packer.variables();
-            let channels = stored.channels().to_string();
-            let block_frames = stored.block_frames().to_string();
-            let mut variables: Vec<(&str, &str)> =
-                variables.iter().map(|(name, value)| (*name, value.as_str())).collect();
-            variables.extend([
-                ("BUNRAKU_CHANNELS", channels.as_str()),
-                ("BUNRAKU_BLOCK_FRAMES", block_frames.as_str()),
-                ("BUNRAKU_DELTA", if delta { "1" } else { "0" }),
-            ]);
-            let images = Image {
-                package: "peers-image",
-                source: "bench/peers-image",
-                binary: "peers-image",
-                features: packer.feature(),
-                targets: &targets,
-                folder: "peers",
-                files: &[("BUNRAKU_STORE", "store", &store)],
-                variables: &variables,
-            }
-            .build()?;
-            let error = evaluator.mean_joint_cm(&stored.motion(clip.motion.fps).samples);
-            (store.len(), images, error, stored.expected())
-        }
-        Method::Qmd { fdf, lent } => {
-            let parameters = Parameters { fixed_channels: fdf, ..Parameters::TABLE_1 };
-            let source = Source::new(&clip.skeleton, &clip.motion)?;
-            let bytes = source.encode(parameters, qmd::Method::ClosedLoop)?;
-            let images = profile::images(&bytes, &targets, lent)?;
-            let error = evaluator.mean_joint_cm(&qmd::decode(&bytes)?.samples);
-            (bytes.len(), images, error, profile::frames(&Clip::parse(Path::new("clip.qmd"), &bytes)?)?)
-        }
-        Method::Mclip { blocks } => {
-            let fine = evaluator.mean_joint_cm(&Quantised::new(clip)?.motion(clip.motion.fps).samples);
-            let bytes = blocks.encode(clip, fine, &evaluator)?;
-            let images = profile::mclip_images(&bytes, &targets, false)?;
-            let error = evaluator.mean_joint_cm(&encoder::mclip::decode(&bytes)?.samples);
-            (bytes.len(), images, error, profile::frames(&Clip::parse(Path::new("clip.mclip"), &bytes)?)?)
-        }
-    };
-    let mut costs = Vec::new();
-    for &core in cores {
-        let built = targets.iter().zip(&images).find(|(target, _)| **target == core.target());
-        let Some((_, image)) = built else { bail!("no image was built for {}", core.name()) };
-        let measured = measure::run(core, image, 0, &expected, &mut || ())
-            .with_context(|| format!("{} on {}", method.name(), core.name()))?;
-        costs.push(cost(core, image, method, bytes, &measured)?);
-    }
-    Ok(Entry { name: method.name(), method, bytes, mean_joint_cm, costs })
+/// A motion to be stored in every way, and the players of what other crates have packed.
+pub struct Comparison<'c> {
+    clip: &'c mocap::Clip,
+    evaluator: Evaluator,
+    /// The motion as int16.
+    stored: Quantised,
+    cores: &'c [Core],
+    targets: Vec<&'static str>,
+    /// Images of [`PACKERS`] that are not left out, in the order of the targets.
+    players: Vec<(Packer, Vec<Vec<u8>>)>,
 }
 
-fn cost(core: Core, image: &[u8], method: Method, stored: usize, measured: &Measured) -> Result<Cost> {
-    let memory = Memory::of(image)?;
+impl<'c> Comparison<'c> {
+    /// Builds the players for every core, all at once.
+    ///
+    /// # Errors
+    /// A sentence that says what could not be stored or built.
+    pub fn new(clip: &'c mocap::Clip, cores: &'c [Core]) -> Result<Self> {
+        let mut targets: Vec<&str> = cores.iter().map(|core| core.target()).collect();
+        targets.sort_unstable();
+        targets.dedup();
+        let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
+        let stored = Quantised::new(clip)?;
+        let packers: Vec<Packer> = PACKERS.into_iter().filter(|packer| packer.left_out().is_none()).collect();
+        let sizes = [
+            ("BUNRAKU_CHANNELS", stored.channels().to_string()),
+            ("BUNRAKU_BLOCK_FRAMES", stored.block_frames().to_string()),
+        ];
+        let tamp = pack::tamp_variables();
+        let variables: Vec<(&str, &str)> =
+            sizes.iter().chain(&tamp).map(|(name, value)| (*name, value.as_str())).collect();
+        let image = Image {
+            package: "peers-image",
+            source: "bench/peers-image",
+            binary: Packer::Raw.binary(),
+            features: if packers.contains(&Packer::Tamp) { "tamp" } else { "" },
+            targets: &targets,
+            folder: pack::FOLDER,
+            files: &[],
+            variables: &variables,
+        };
+        let binaries: Vec<&str> = packers.iter().map(|packer| packer.binary()).collect();
+        let players = packers.into_iter().zip(image.build_all(&binaries)?).collect();
+        Ok(Self { clip, evaluator, stored, cores, targets, players })
+    }
+
+    /// Stores the motion by one method and plays it on every core. Every frame is compared with what this machine has.
+    ///
+    /// # Errors
+    /// A sentence that says what could not be stored, built or run.
+    pub fn measure(&self, method: Method) -> Result<Entry> {
+        let Self { clip, evaluator, stored, cores, targets, players } = self;
+        let error_of_int16 = || evaluator.mean_joint_cm(&stored.motion(clip.motion.fps).samples);
+        let (bytes, images, mean_joint_cm, expected) = match method {
+            Method::Int16 { packer, delta } => {
+                let block = stored.block_frames() * stored.channels() * 2;
+                let store = packer.pack(&stored.bytes(delta), block)?;
+                let player = players.iter().find(|(other, _)| *other == packer);
+                let (_, images) = player.with_context(|| format!("{} is left out", packer.name()))?;
+                let contents = Contents { files: &[("STORE", &store)], numbers: &[("DELTA", delta.into())] };
+                let images = images.iter().map(|elf| LoadedImage::new(elf.clone(), contents));
+                let images = images.collect::<Result<Vec<LoadedImage>>>()?;
+                (store.len(), images, error_of_int16(), stored.expected())
+            }
+            Method::Qmd { fdf, lent } => {
+                let parameters = Parameters { fixed_channels: fdf, ..Parameters::TABLE_1 };
+                let source = Source::new(&clip.skeleton, &clip.motion)?;
+                let bytes = source.encode(parameters, qmd::Method::ClosedLoop)?;
+                let images = profile::images(&bytes, targets, lent)?;
+                let error = evaluator.mean_joint_cm(&qmd::decode(&bytes)?.samples);
+                let expected = profile::frames(&Clip::parse(Path::new("clip.qmd"), &bytes)?)?;
+                (bytes.len(), images, error, expected)
+            }
+            Method::Mclip { blocks } => {
+                let bytes = blocks.encode(clip, error_of_int16(), evaluator)?;
+                let images = profile::mclip_images(&bytes, targets, false)?;
+                let error = evaluator.mean_joint_cm(&encoder::mclip::decode(&bytes)?.samples);
+                let expected = profile::frames(&Clip::parse(Path::new("clip.mclip"), &bytes)?)?;
+                (bytes.len(), images, error, expected)
+            }
+        };
+        let mut costs = Vec::new();
+        for &core in *cores {
+            let built = targets.iter().zip(&images).find(|(target, _)| **target == core.target());
+            let Some((_, image)) = built else { bail!("no image was built for {}", core.name()) };
+            let measured = measure::frames(core, image, 0, &expected, &mut || ())
+                .with_context(|| format!("{} on {}", method.name(), core.name()))?;
+            costs.push(cost(core, image, method, &measured)?);
+        }
+        Ok(Entry { name: method.name(), method, bytes, mean_joint_cm, costs })
+    }
+}
+
+fn cost(core: Core, image: &LoadedImage, method: Method, measured: &Measured) -> Result<Cost> {
+    let memory = Memory::of(&image.elf)?;
     let stack = match method {
         Method::Qmd { .. } | Method::Mclip { .. } => measured.stack_bytes,
         Method::Int16 { .. } => measured.frame_stack_bytes,
@@ -225,7 +255,7 @@ fn cost(core: Core, image: &[u8], method: Method, stored: usize, measured: &Meas
         core: core.name(),
         cycles_mean: frames.iter().sum::<u64>() as f64 / frames.len().max(1) as f64,
         cycles_max: frames.iter().copied().max().unwrap_or(0),
-        ram_bytes: memory.ram_bytes() + u64::from(stack),
-        flash_bytes: memory.code_bytes + constants.saturating_sub(stored as u64),
+        ram_bytes: memory.ram_bytes() + u64::from(measured.lent_bytes) + u64::from(stack),
+        flash_bytes: memory.code_bytes + constants,
     })
 }

@@ -1,0 +1,33 @@
+//! The .mclip that was loaded, and memory for its decoder.
+
+use crate::lend::lend;
+use crate::loaded::{File, Number};
+use decoder_core::I16F16;
+use decoder_core::mclip::{Memory, State};
+
+/// The clip.
+#[unsafe(no_mangle)]
+pub static CLIP: File = File::NONE;
+
+/// Its channels.
+#[unsafe(no_mangle)]
+static CHANNELS: Number = Number::NONE;
+
+/// Words that its decoder needs.
+#[unsafe(no_mangle)]
+static WORDS: Number = Number::NONE;
+
+/// Halves of words that its decoder needs.
+#[unsafe(no_mangle)]
+static HALVES: Number = Number::NONE;
+
+/// As much memory as the decoder needs.
+#[inline(always)]
+pub fn memory() -> Memory<'static> {
+    Memory {
+        pose: lend(CHANNELS.elements(), I16F16::ZERO),
+        states: lend(CHANNELS.elements(), State::EMPTY),
+        words: lend(WORDS.elements(), 0),
+        halves: lend(HALVES.elements(), 0),
+    }
+}
