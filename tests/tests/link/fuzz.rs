@@ -5,7 +5,7 @@ use bunraku_fuzz::Random;
 use bunraku_fuzz::mutate::mutate;
 use decoder_core::mclip::{CodecId, Needs};
 use decoder_core::{I16F16, Limits};
-use encoder::mclip::{Encoder, Quality};
+use encoder::mclip::{Encoder, Encoding, Quality};
 use firmware::clips::{Clips, LIVE, Mailbox, Worker, Workspace, decode};
 use firmware::clock::Speed;
 use firmware::device::{Device, Identity};
@@ -228,7 +228,7 @@ fn anything_on_the_link_is_borne() {
     let sample = sample::clip();
     let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
     let clips = [(CodecId::Dpcm, 4), (CodecId::Adpcm, 3), (CodecId::Pcm, 4)]
-        .map(|(codec, bits)| encoder.encode(&encoder::mclip::Settings::new(codec), Quality::Bits(bits)))
+        .map(|(codec, bits)| encoder.encode(&Encoding::new(codec), Quality::Bits(bits)).unwrap())
         .to_vec();
     let map = crate::virtual_device::map("sample.toml", &sample.skeleton);
     let mut host = Host::new(&clips);
