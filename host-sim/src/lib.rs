@@ -3,6 +3,7 @@
 
 pub mod board;
 pub mod clip;
+pub mod cycle_limit;
 pub mod device;
 pub mod files;
 pub mod flash;
@@ -20,4 +21,3 @@ pub mod rd;
 pub mod rp2040js;
 pub mod servos;
 pub mod show;
-pub mod within;

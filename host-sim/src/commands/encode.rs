@@ -8,8 +8,8 @@ use decoder_core::predict::adaptive::MAX_WINDOW;
 use decoder_core::predict::window::{LONGEST, SHORTEST};
 use encoder::mclip::{Density, Encoder, Predictor, Settings, Target};
 use encoder::qmd::{self, Parameters};
+use host_sim::cycle_limit::{self, Goal, Limit};
 use host_sim::files;
-use host_sim::within::{self, Goal, Limit};
 use indicatif::ProgressBar;
 use mocap::Clip;
 use mocap::metrics::Evaluator;
@@ -279,7 +279,7 @@ fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<(Vec<u8>, CodecId)> {
     };
     if let Some(limit) = args.max_cycles {
         let goal = args.bits.map_or(Goal::Target(target), Goal::Bits);
-        return within(args, &settings, &encoder, &evaluator, goal, limit);
+        return encode_within_cycles(args, &settings, &encoder, &evaluator, goal, limit);
     }
     if let Some(bits) = args.bits {
         return Ok((encoder.encode(&settings, encoder::mclip::Quality::Bits(bits)), settings.codec));
@@ -304,7 +304,7 @@ fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<(Vec<u8>, CodecId)> {
 }
 
 /// The best clip whose most expensive frame is within a limit.
-fn within(
+fn encode_within_cycles(
     args: &Args,
     base: &Settings,
     encoder: &Encoder<'_>,
@@ -312,17 +312,17 @@ fn within(
     goal: Goal,
     limit: Limit,
 ) -> Result<(Vec<u8>, CodecId)> {
-    let candidates = within::candidates(base, args.codec.map(Codec::id), args.entropy.map(Entropy::id));
+    let candidates = cycle_limit::candidates(base, args.codec.map(Codec::id), args.entropy.map(Entropy::id));
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(Duration::from_millis(100));
     let tell = &mut |what| spinner.set_message(what);
-    let found = within::best(encoder, evaluator, &candidates, goal, limit, tell);
+    let found = cycle_limit::best_clip(encoder, evaluator, &candidates, goal, limit, tell);
     spinner.finish_and_clear();
     let found = found?;
     eprintln!(
         "{}: {}; a frame takes at most {} cycles on {}, {:.4} cm",
         args.output.display(),
-        within::name(&found.settings),
+        cycle_limit::settings_name(&found.settings),
         found.cycles_max,
         limit.core.name(),
         found.encoded.mean_joint_cm

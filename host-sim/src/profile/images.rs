@@ -37,9 +37,25 @@ pub fn images(clip: &[u8], targets: &[&str], lent: bool) -> Result<Vec<LoadedIma
 /// # Errors
 /// As [`images`].
 pub fn mclip_images(clip: &[u8], targets: &[&str], verify_blocks: bool) -> Result<Vec<LoadedImage>> {
+    mclip_decoders(targets)?.into_iter().map(|elf| load_mclip(elf, clip, verify_blocks)).collect()
+}
+
+/// The image that decodes a .mclip for each of Rust's `targets`, without a clip.
+///
+/// # Errors
+/// As [`Image::build`].
+pub fn mclip_decoders(targets: &[&str]) -> Result<Vec<Vec<u8>>> {
+    Image { binary: "decode-mclip", targets, ..DECODE }.build()
+}
+
+/// One of [`mclip_decoders`] with its clip, as [`mclip_images`] gives it.
+///
+/// # Errors
+/// Where the clip is not sound.
+pub fn load_mclip(decoder: Vec<u8>, clip: &[u8], verify_blocks: bool) -> Result<LoadedImage> {
     let mut numbers = sizes(clip, true)?;
     numbers.push(("VERIFY_BLOCKS", verify_blocks.into()));
-    load(Image { binary: "decode-mclip", targets, ..DECODE }, &[("CLIP", clip)], &numbers)
+    LoadedImage::new(decoder, Contents { files: &[("CLIP", clip)], numbers: &numbers })
 }
 
 /// The image that decodes prefix codes by a table and bit by bit, for each of Rust's `targets`. What is measured of it is

@@ -37,11 +37,11 @@ pub struct Program {
     pub idle_clip: Option<u16>,
     /// Clip of the trigger.
     pub trigger_clip: Option<u16>,
-    /// What comes after the clips.
+    /// NoteKind comes after the clips.
     pub after: After,
     /// Commands and what is streamed, with their ticks, in order.
     pub orders: Vec<(u32, script::Order)>,
-    /// What happens to the servos, with its tick.
+    /// NoteKind happens to the servos, with its tick.
     pub deeds: Vec<(u32, Deed)>,
     /// All events as they were written: seconds and what.
     pub events: Vec<(f64, String)>,
@@ -80,7 +80,7 @@ struct ClipEntry {
     file: PathBuf,
 }
 
-/// What a puppet can be told by a show, and what its link does.
+/// NoteKind a puppet can be told by a show, and what its link does.
 #[derive(Deserialize)]
 #[serde(tag = "what", rename_all = "kebab-case", deny_unknown_fields)]
 enum Order {
@@ -190,7 +190,7 @@ impl Program {
         })
     }
 
-    /// What the puppet plays by itself.
+    /// NoteKind the puppet plays by itself.
     pub fn show(&self) -> Show<'_> {
         Show {
             playlist: &self.playlist,

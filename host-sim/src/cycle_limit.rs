@@ -84,7 +84,7 @@ pub fn candidates(base: &Settings, codec: Option<CodecId>, entropy: Option<Entro
 }
 
 /// A sentence's name for settings, for instance `dpcm, second order, huffman`.
-pub fn name(settings: &Settings) -> String {
+pub fn settings_name(settings: &Settings) -> String {
     let predictor = match settings.predictor {
         _ if settings.codec != CodecId::Dpcm && settings.codec != CodecId::Adpcm => "",
         Predictor::Last => ", last value",
@@ -118,7 +118,7 @@ pub fn header_core(number: u8) -> Option<Core> {
 /// # Errors
 /// Where none is within the limit, a sentence that names the one with the fewest cycles; those of building and running
 /// images.
-pub fn best(
+pub fn best_clip(
     encoder: &Encoder<'_>,
     evaluator: &Evaluator,
     candidates: &[Settings],
@@ -128,7 +128,7 @@ pub fn best(
 ) -> Result<Tried> {
     let mut clips = Vec::new();
     for settings in candidates {
-        progress(format!("encoding as {}", name(settings)));
+        progress(format!("encoding as {}", settings_name(settings)));
         let encoded = match goal {
             Goal::Bits(bits) if bits > settings.most_bits() => continue,
             Goal::Bits(bits) => encoder.measured(settings, Quality::Bits(bits), evaluator),
@@ -143,10 +143,13 @@ pub fn best(
         _ => encoded.bytes.len() as f64,
     };
     clips.sort_by(|(_, one), (_, other)| cost(one).total_cmp(&cost(other)));
+    progress(format!("building the decoder for {}", limit.core.target()));
+    let decoder = profile::mclip_decoders(&[limit.core.target()])?.concat();
     let mut least: Option<Tried> = None;
     for (settings, encoded) in clips {
-        progress(format!("counting cycles of {}", name(settings)));
-        let (bytes, cycles_max) = certified(&encoded.bytes, limit.core).with_context(|| name(settings))?;
+        progress(format!("counting cycles of {}", settings_name(settings)));
+        let (bytes, cycles_max) =
+            certified(&encoded.bytes, &decoder, limit.core).with_context(|| settings_name(settings))?;
         let tried = Tried { settings: *settings, encoded: Encoded { bytes, ..encoded }, cycles_max };
         if cycles_max <= limit.cycles {
             return Ok(tried);
@@ -160,7 +163,7 @@ pub fn best(
         "the fewest cycles of a worst frame on {} are {}, with {} in {} bytes, above the limit of {}",
         limit.core.name(),
         least.cycles_max,
-        name(&least.settings),
+        settings_name(&least.settings),
         least.encoded.bytes.len(),
         limit.cycles
     )
@@ -175,21 +178,20 @@ fn reaches(encoder: &Encoder<'_>, encoded: &Encoded, goal: Goal) -> bool {
     }
 }
 
-/// The clip with the cycles of its most expensive frame in its header, and these cycles.
-fn certified(bytes: &[u8], core: Core) -> Result<(Vec<u8>, u64)> {
+/// The clip with the cycles of its most expensive frame in its header, and these cycles, on the image of a decoder.
+fn certified(bytes: &[u8], decoder: &[u8], core: Core) -> Result<(Vec<u8>, u64)> {
     let number =
         header_number(core).ok_or_else(|| anyhow!("{} is no core of a clip's header", core.name()))?;
     // Counted with room for the number, so that every byte is where it will be.
-    let cycles = worst_frame(&certify(bytes, &[(number, 0)])?, core)?;
+    let cycles = worst_frame(&certify(bytes, &[(number, 0)])?, decoder, core)?;
     Ok((certify(bytes, &[(number, u32::try_from(cycles)?)])?, cycles))
 }
 
 /// Cycles of a clip's most expensive frame.
-fn worst_frame(bytes: &[u8], core: Core) -> Result<u64> {
+fn worst_frame(bytes: &[u8], decoder: &[u8], core: Core) -> Result<u64> {
     let clip = Clip::parse(Path::new("clip.mclip"), bytes)?;
-    let images = profile::mclip_images(bytes, &[core.target()], false)?;
-    let image = images.first().context("no image was built")?;
-    let measured = measure::frames(core, image, 0, &profile::frames(&clip)?, &mut || ())?;
+    let image = profile::load_mclip(decoder.to_vec(), bytes, false)?;
+    let measured = measure::frames(core, &image, 0, &profile::frames(&clip)?, &mut || ())?;
     measured.frame_cycles.iter().copied().max().ok_or_else(|| anyhow!("the clip has no frames"))
 }
 
@@ -220,6 +222,6 @@ mod tests {
         assert_eq!(given, [expected]);
         let free = candidates(&Settings::new(CodecId::Dpcm), None, None);
         assert_eq!(free.len(), 5 * 2);
-        assert_eq!(name(&free[0]), "pcm, huffman");
+        assert_eq!(settings_name(&free[0]), "pcm, huffman");
     }
 }
