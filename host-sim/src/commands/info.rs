@@ -6,7 +6,7 @@ use decoder_core::Limits;
 use decoder_core::mclip::{self, ChannelKind};
 use decoder_core::qmd::Clip;
 use host_sim::files;
-use host_sim::within::header_core;
+use host_sim::cycle_limit::header_core;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

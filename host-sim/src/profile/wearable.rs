@@ -98,8 +98,7 @@ pub fn measure_wearable(
         }
         before = Some((before.map_or(cycles, |(first, _)| first), awake));
     }
-    let lent = measure::lent_bytes(&machine, &image);
-    let memory = super::elf::Memory::of(&loaded.elf)?.with(loaded.file_bytes() as u64, lent.into());
+    let memory = super::elf::Memory::of(&loaded.elf)?.with(loaded.file_bytes(), loaded.lent_bytes);
     (cost.flash_bytes, cost.ram_bytes) = (memory.flash_bytes(), memory.ram_bytes());
     cost.stack_bytes = machine.usage().stack;
     Ok(cost)

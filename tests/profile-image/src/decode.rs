@@ -14,7 +14,7 @@ use cortex_m_rt::entry;
 use decoder_core::qmd::{Clip, Decoder};
 use decoder_core::{Error, I16F16, Limits};
 use ends::{failed, finished};
-use lend::lend;
+use lend::SpareRam;
 use loaded::{File, Number};
 
 /// The clip.
@@ -31,8 +31,9 @@ static TABLE: Number = Number::NONE;
 
 #[entry]
 fn main() -> ! {
-    let pose = lend(CHANNELS.elements(), I16F16::ZERO);
-    let mut opened = open(CLIP.bytes(), pose, lend(TABLE.elements(), 0));
+    let mut ram = SpareRam::new();
+    let pose = ram.lend(CHANNELS.elements(), I16F16::ZERO);
+    let mut opened = open(CLIP.bytes(), pose, ram.lend(TABLE.elements(), 0));
     let Ok(decoder) = &mut opened else { failed() };
     while let Some(pose) = decode_frame(decoder) {
         black_box(pose);
