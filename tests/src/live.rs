@@ -3,7 +3,8 @@
 use crate::motion;
 use decoder_core::mclip::{self, CodecId, Prefix};
 use decoder_core::{I16F16, Limits};
-use encoder::mclip::{self as encoders, Encoder, Lent, Quality};
+use encoder::mclip::{Encoder, Encoding, Quality};
+use encoder::memory::OwnedMemory;
 use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
 use firmware::store::Store;
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
@@ -101,9 +102,9 @@ fn clip(path: &Path, entries: f64) -> Clip {
     let loaded = loaded.unwrap_or_else(|error| panic!("{error}"));
     let encoder = Encoder::new(&loaded.skeleton, &loaded.motion).unwrap_or_else(|error| panic!("{error}"));
     let entry_frames = (loaded.motion.fps / entries).round() as usize;
-    let settings =
-        encoders::Settings { entry_frames, block_bytes: 400, ..encoders::Settings::new(CodecId::Dpcm) };
-    let bytes = encoder.encode(&settings, Quality::Step(0.25));
+    let encoding = Encoding { entry_frames, block_bytes: 400, ..Encoding::new(CodecId::Dpcm) };
+    let encoded = encoder.encode(&encoding, Quality::Step(0.25));
+    let bytes = encoded.unwrap_or_else(|error| panic!("{name}: {error}"));
     let (frames, rate_centihertz) = decoded(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
     let (header, mut rest) = bytes.split_at(Prefix::read(&bytes).map_or(0, |prefix| prefix.header_bytes));
     let mut blocks = vec![];
@@ -117,8 +118,8 @@ fn clip(path: &Path, entries: f64) -> Clip {
 
 fn decoded(bytes: &[u8]) -> Result<(Vec<Vec<I16F16>>, u16), decoder_core::Error> {
     let clip = mclip::Clip::parse(bytes, Limits::MAX)?;
-    let mut lent = Lent::new(clip.header().needs());
-    let mut decoder = clip.decoder(lent.memory())?;
+    let mut memory = OwnedMemory::new(clip.header().needs());
+    let mut decoder = clip.decoder(memory.lend())?;
     let mut frames = vec![];
     while let Some(frame) = decoder.next_frame()? {
         frames.push(frame.to_vec());

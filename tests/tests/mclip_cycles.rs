@@ -3,8 +3,13 @@
 
 use bunraku_tests::{bunraku, motion, require_target};
 use decoder_core::Limits;
+use decoder_core::codec::adpcm::Adaptation;
 use decoder_core::mclip::{Clip, CodecId, EntropyId};
-use encoder::mclip::{Encoder, Lent, Predictor, Quality, Settings};
+use encoder::codec::CodecSettings;
+use encoder::codec::adpcm::{Adpcm, StepRule};
+use encoder::codec::dpcm::{Dpcm, Order};
+use encoder::mclip::{Encoder, Encoding, Quality};
+use encoder::memory::OwnedMemory;
 use host_sim::profile::measure::Runner;
 use host_sim::profile::{LoadedImage, mclip_images, prefix_images};
 use mocap::import;
@@ -13,8 +18,8 @@ use thumb_cycles::Core;
 /// Decodes on the simulated core, compares every frame, and gives the mean cycles of a frame and the worst one's.
 fn cycles(core: Core, image: &LoadedImage, bytes: &[u8]) -> (f64, u64) {
     let clip = Clip::parse(bytes, Limits::MAX).unwrap();
-    let mut lent = Lent::new(clip.header().needs());
-    let mut decoder = clip.decoder(lent.memory()).unwrap();
+    let mut memory = OwnedMemory::new(clip.header().needs());
+    let mut decoder = clip.decoder(memory.lend()).unwrap();
     let mut runner = Runner::new(core, image, 0).unwrap();
     while let Some(expected) = decoder.next_frame().unwrap() {
         let expected: Vec<u8> = expected.iter().flat_map(|value| value.to_bits().to_le_bytes()).collect();
@@ -29,13 +34,13 @@ fn cycles(core: Core, image: &LoadedImage, bytes: &[u8]) -> (f64, u64) {
 /// A clip to decode: what it is called, its settings, and whether blocks are checked as they are entered.
 struct Case {
     name: &'static str,
-    settings: Settings,
+    encoding: Encoding,
     bits: u8,
     verify_blocks: bool,
 }
 
-const fn case(name: &'static str, settings: Settings, bits: u8) -> Case {
-    Case { name, settings, bits, verify_blocks: false }
+const fn case(name: &'static str, encoding: Encoding, bits: u8) -> Case {
+    Case { name, encoding, bits, verify_blocks: false }
 }
 
 /// The walk of 62 channels. Budgets are 3 % above what was measured when they were set.
@@ -48,49 +53,36 @@ fn a_frame_of_62_channels_is_within_its_budget() {
     let file = |name: &str| folder.join("cmu").join(name);
     let clip = import::load(&file("02_01.amc"), Some(&file("02.asf")), None).unwrap();
     let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
-    let with = |entropy, codec| Settings { entropy: Some(entropy), ..Settings::new(codec) };
-    let fixed = |codec| with(EntropyId::FixedWidth, codec);
+    let with =
+        |entropy, settings: CodecSettings| Encoding { entropy: Some(entropy), ..Encoding::of(settings) };
+    let of = |settings| with(EntropyId::FixedWidth, settings);
+    let fixed = |codec| of(CodecSettings::new(codec));
+    let first = CodecSettings::from(Dpcm { order: Order::First, ..Dpcm::default() });
+    let stepping = Adpcm { predictor: None, step: StepRule::Trained, ..Adpcm::default() }.into();
+    let window = |window, period| {
+        of(Adpcm { predictor: Some(Adaptation { window, period }), ..Adpcm::default() }.into())
+    };
     let cases = [
         case("pcm, 6 bits", fixed(CodecId::Pcm), 6),
-        case("dpcm, order 1, 4 bits", first(fixed(CodecId::Dpcm)), 4),
-        case("dpcm, order 1, 6 bits", first(fixed(CodecId::Dpcm)), 6),
-        case("dpcm, order 1, 8 bits", first(fixed(CodecId::Dpcm)), 8),
-        Case { verify_blocks: true, ..case("the same, checking blocks", first(fixed(CodecId::Dpcm)), 8) },
+        case("dpcm, order 1, 4 bits", of(first), 4),
+        case("dpcm, order 1, 6 bits", of(first), 6),
+        case("dpcm, order 1, 8 bits", of(first), 8),
+        Case { verify_blocks: true, ..case("the same, checking blocks", of(first), 8) },
         case("dpcm, order 2, 6 bits", fixed(CodecId::Dpcm), 6),
-        case("adpcm, adaptive step, order 2, 4 bits", stepping(fixed(CodecId::Adpcm)), 4),
-        case("adpcm, adaptive predictor, exponential window, 6 bits", window(fixed(CodecId::Adpcm), 5, 4), 6),
-        case(
-            "adpcm, adaptive predictor, window of 16 every 16 frames, 6 bits",
-            window(fixed(CodecId::Adpcm), 16, 4),
-            6,
-        ),
-        case(
-            "adpcm, adaptive predictor, window of 16 every 32 frames, 6 bits",
-            window(fixed(CodecId::Adpcm), 16, 5),
-            6,
-        ),
-        case(
-            "adpcm, adaptive predictor, window of 16 every 64 frames, 6 bits",
-            window(fixed(CodecId::Adpcm), 16, 6),
-            6,
-        ),
-        case(
-            "adpcm, adaptive predictor, window of 120 every 16 frames, 6 bits",
-            window(fixed(CodecId::Adpcm), 120, 4),
-            6,
-        ),
+        case("adpcm, adaptive step, order 2, 4 bits", of(stepping), 4),
+        case("adpcm, adaptive predictor, exponential window, 6 bits", window(5, 4), 6),
+        case("adpcm, adaptive predictor, window of 16 every 16 frames, 6 bits", window(16, 4), 6),
+        case("adpcm, adaptive predictor, window of 16 every 32 frames, 6 bits", window(16, 5), 6),
+        case("adpcm, adaptive predictor, window of 16 every 64 frames, 6 bits", window(16, 6), 6),
+        case("adpcm, adaptive predictor, window of 120 every 16 frames, 6 bits", window(120, 4), 6),
         case("mulaw, 6 bits", fixed(CodecId::MuLaw), 6),
         case("qmd, 4 bits", fixed(CodecId::Qmd), 4),
-        case("dpcm, order 1, 6 bits, Huffman", first(with(EntropyId::Huffman, CodecId::Dpcm)), 6),
-        case(
-            "dpcm, order 1, 6 bits, adaptive Huffman",
-            first(with(EntropyId::AdaptiveHuffman, CodecId::Dpcm)),
-            6,
-        ),
+        case("dpcm, order 1, 6 bits, Huffman", with(EntropyId::Huffman, first), 6),
+        case("dpcm, order 1, 6 bits, adaptive Huffman", with(EntropyId::AdaptiveHuffman, first), 6),
     ];
     let mut over = Vec::new();
-    for (Case { name, settings, bits, verify_blocks }, budgets) in cases.into_iter().zip(BUDGETS) {
-        let bytes = encoder.encode(&settings, Quality::Bits(bits));
+    for (Case { name, encoding, bits, verify_blocks }, budgets) in cases.into_iter().zip(BUDGETS) {
+        let bytes = encoder.encode(&encoding, Quality::Bits(bits)).unwrap();
         let images = mclip_images(&bytes, &TARGETS, verify_blocks).unwrap();
         let found: Vec<(f64, u64)> =
             CORES.iter().zip(&images).map(|(&core, image)| cycles(core, image, &bytes)).collect();
@@ -204,15 +196,3 @@ const BUDGETS: [[f64; 2]; 16] = [
     [2_717.0, 4_762.0],
     [30_532.0, 44_159.0],
 ];
-
-const fn first(settings: Settings) -> Settings {
-    Settings { predictor: Predictor::First, ..settings }
-}
-
-const fn window(settings: Settings, window: u8, period: u8) -> Settings {
-    Settings { predictor: Predictor::Adaptive { window, period }, ..settings }
-}
-
-const fn stepping(settings: Settings) -> Settings {
-    Settings { adapt_step: true, predictor: Predictor::Second, ..settings }
-}

@@ -138,11 +138,11 @@ impl<const N: usize> JointMap<N> {
     pub fn check_channels(&self, channels: usize) -> Result<(), PlayError> {
         let expected = self.settings.channels;
         if expected > 0 && usize::from(expected) != channels {
-            return Err(PlayError::Channels { found: channels, expected });
+            return Err(PlayError::Channels { found: channels as u32, expected });
         }
         let missing = self.joints.iter().find(|joint| usize::from(joint.channel) >= channels);
         missing.map_or(Ok(()), |joint| {
-            Err(PlayError::Channel { id: joint.id, channel: joint.channel, channels })
+            Err(PlayError::Channel { id: joint.id, channel: joint.channel, channels: channels as u32 })
         })
     }
 

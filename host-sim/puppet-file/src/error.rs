@@ -67,11 +67,13 @@ pub enum Problem {
     /// The text is not TOML, a key is unknown or missing, or a value is of another type.
     #[error("{}", .0.message().replace('\n', ", "))]
     Toml(Box<toml::de::Error>),
-    /// A number of the whole puppet is out of range.
-    #[error("found {found}, expected 0 to {most}")]
+    /// A number is out of range.
+    #[error("found {found}, expected {least} to {most}")]
     OutOfRange {
         /// The number.
         found: f64,
+        /// Least that it may be.
+        least: f64,
         /// Most that it may be.
         most: f64,
     },

@@ -4,7 +4,9 @@ use crate::channels::Channels;
 use crate::error::{Error, Mistakes, Problem};
 use crate::file::{Curve, OnFault};
 use crate::puppet::Puppet;
+use firmware::clock::MAX_TICK_HZ;
 use firmware::map::{BusKind, Interpolation, Joint, JointMap, MAX_SERVOS, Policy, Settings, bytes_len};
+use servo_wire::dynamixel::MAX_ID;
 use servo_wire::pca9685::CHANNELS;
 use toml::Spanned;
 
@@ -52,10 +54,15 @@ impl Puppet {
                 let (joint, id) = (other.name.get_ref().clone(), *other.id.get_ref());
                 mistakes.add(self.wrong(&entry.id, Problem::IdTwice { joint, id }));
             }
+            let id = *entry.id.get_ref();
+            if id > MAX_ID {
+                let (found, least, most) = (id.into(), 0.0, MAX_ID.into());
+                mistakes.add(self.wrong(&entry.id, Problem::OutOfRange { found, least, most }));
+            }
             mistakes.note(self.model(entry));
             let kind = bus.and_then(|bus| buses.as_ref()?.get(usize::from(bus)).map(|bus| bus.kind));
             let kind = kind.unwrap_or(BusKind::Dynamixel);
-            if kind == BusKind::Pca9685 && usize::from(*entry.id.get_ref()) >= CHANNELS {
+            if kind == BusKind::Pca9685 && usize::from(id) >= CHANNELS {
                 mistakes.add(self.wrong(&entry.id, Problem::Pca9685Channel));
             }
             joints.extend(self.joint(entry, bus.unwrap_or(0), kind, &channels, &mut mistakes));
@@ -85,12 +92,17 @@ impl Puppet {
 
     fn settings(&self, channels: &Channels) -> Result<Settings, Error> {
         let file = &self.file;
-        let fallback = Settings::new(*file.servo_hz.get_ref());
+        let servo_hz = *file.servo_hz.get_ref();
+        if !(1..=MAX_TICK_HZ).contains(&servo_hz) {
+            let (found, least, most) = (servo_hz.into(), 1.0, MAX_TICK_HZ.into());
+            return Err(self.wrong(&file.servo_hz, Problem::OutOfRange { found, least, most }));
+        }
+        let fallback = Settings::new(servo_hz);
         let scaled = |value: &Option<Spanned<f64>>, scale: f64, most: f64, fallback: u16| match value {
             None => Ok(fallback),
             Some(value) => match *value.get_ref() {
                 found if (0.0..=most).contains(&found) => Ok((found * scale).round() as u16),
-                found => Err(self.wrong(value, Problem::OutOfRange { found, most })),
+                found => Err(self.wrong(value, Problem::OutOfRange { found, least: 0.0, most })),
             },
         };
         Ok(Settings {
@@ -177,7 +189,7 @@ mod tests {
     fn a_wrong_value_names_its_line_and_key() {
         let cases = [
             ("id = 3", "id = 300", "line 6, key \"id\": invalid value: integer `300`"),
-            ("id = 3", "id = 253", "servo id 253 is out of range"),
+            ("id = 3", "id = 253", "line 6, key \"id\": found 253, expected 0 to 252"),
             ("id = 3", "idd = 3", "line 6, key \"idd\": unknown field `idd`"),
             ("id = 3", "id = ", "line 6, key \"id\""),
             ("range = [-90, 10]", "range = [10, 90]", "line 7, key \"range\": these are goals 2162 to 3072"),
@@ -309,6 +321,6 @@ mod tests {
             .replace("[-90, 10]", "[-1, 1]");
         let puppet = Puppet::parse(Path::new("puppet.toml"), text).unwrap();
         let error = format!("{}", puppet.map(&mocap::sample::clip().skeleton).unwrap_err());
-        assert_eq!(error, "puppet.toml: the servo rate is 1001 Hz, expected 1 to 1000");
+        assert_eq!(error, "puppet.toml, line 1, key \"servo_hz\": found 1001, expected 1 to 1000");
     }
 }

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 
 /// Decode a clip into AMC, BVH or CSV.
 ///
-/// Of a clip that was made for a puppet, the channels that it does not have are 0.
+/// A clip that was made for a puppet has only some of the skeleton's channels; the others become 0.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku decode walk.qmd --skeleton 02.asf -o walk.amc")]
 pub struct Args {

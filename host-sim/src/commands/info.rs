@@ -5,8 +5,8 @@ use anyhow::{Context, Result};
 use decoder_core::Limits;
 use decoder_core::mclip::{self, ChannelKind};
 use decoder_core::qmd::Clip;
-use host_sim::files;
 use host_sim::cycle_limit::header_core;
+use host_sim::files;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -1,6 +1,6 @@
 //! Plays a clip or follows live frames on real ports, in real time.
 
-use super::serial::{run, until};
+use super::serial::{block_on, until};
 use crate::play::{Recording, Taken};
 use anyhow::{Result, bail};
 use firmware::control_loop::{Surroundings, control_loop};
@@ -110,10 +110,10 @@ fn perform<L: Library>(
         late: 0,
     };
     let ids: Vec<u8> = map.joints().iter().map(|joint| joint.id).collect();
-    run(control_loop(&mut machine, &mut bus, &mut surroundings));
+    block_on(control_loop(&mut machine, &mut bus, &mut surroundings));
     // Servos hold their last goal; their watchdogs would turn the next player's goals down.
     if map.settings().servo_watchdog_millis > 0 {
-        match run(bus.bus.set_watchdog(&ids, 0)) {
+        match block_on(bus.bus.set_watchdog(&ids, 0)) {
             Ok(()) | Err(BusError::Unsupported) => {}
             Err(error) => surroundings.tell(&format!("the servos' watchdogs stay armed: {error}")),
         }

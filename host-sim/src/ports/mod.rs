@@ -6,4 +6,4 @@ mod serial;
 
 pub use bus::{Buses, Identity, RETURN_DELAY_US, SLACK_US, SerialBus, open, paths};
 pub use live::{Played, follow, play};
-pub use serial::run;
+pub use serial::block_on;

@@ -11,7 +11,7 @@ use firmware::limits::FINE_BITS;
 use firmware::map::Joint;
 use maud::{Markup, html};
 
-/// NoteKind this page has besides the style of all.
+/// What this page has besides the style of all.
 const OWN_STYLE: &str = "\
 :root { --goal: #1a7f5a; --seen: #c2570c; --s0: #b9c2d0; --s1: #8fb4ee; --s2: #5d93e8; --s3: #e6b23c; --s4: #c9d4e6; --bad: #d4380d }
 @media (prefers-color-scheme: dark) { :root { --goal: #56c596; --seen: #ff9a52; --s0: #3a4454; --s1: #35568c; --s2: #3f6fc0; --s3: #7a5e1c; --s4: #2b3442; --bad: #ff7a45 } }
@@ -265,7 +265,7 @@ fn over_all(program: &Program, played: &PlayedShow, summary: &Summary, tracks: &
     }
 }
 
-/// NoteKind each tick spends on the bus, and what is left of it.
+/// What each tick spends on the bus, and what is left of it.
 fn deadline(costs: &[Cost]) -> Vec<Series<'static>> {
     let values = |of: fn(&Cost) -> f64| costs.iter().map(|cost| Some(of(cost) / 1e3)).collect();
     vec![

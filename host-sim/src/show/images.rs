@@ -54,9 +54,9 @@ fn show_source(program: &Program) -> String {
         After::Hold => "After::Hold",
     };
     let mut source = format!(
-        "/// NoteKind plays by itself.\nconst SHOW: Show<'static> = Show {{ playlist: &{playlist:?}, repeats: {repeats}, \
+        "/// What plays by itself.\nconst SHOW: Show<'static> = Show {{ playlist: &{playlist:?}, repeats: {repeats}, \
          idle_clip: {idle_clip:?}, trigger_clip: {trigger_clip:?}, after: {after} }};\n\
-         /// NoteKind happens at which tick.\nstatic ORDERS: [(u32, Order); {}] = [\n",
+         /// What happens at which tick.\nstatic ORDERS: [(u32, Order); {}] = [\n",
         orders.len()
     );
     for (tick, order) in orders {

@@ -37,11 +37,11 @@ pub struct Note {
     pub tick: u32,
     /// NoteKind.
     pub what: NoteKind,
-    /// NoteKind it has become: a state, a fault, the number of a clip.
+    /// What it has become: a state, a fault, the number of a clip.
     pub text: String,
 }
 
-/// NoteKind a note is about.
+/// What a note is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum NoteKind {
@@ -59,7 +59,7 @@ pub enum NoteKind {
     Streamed,
 }
 
-/// NoteKind a tick cost on the simulated board.
+/// What a tick cost on the simulated board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Cost {
     /// Cycles that the core was awake.
@@ -73,11 +73,11 @@ pub struct Cost {
 /// A show that has come to its end.
 #[derive(Clone, Debug)]
 pub struct PlayedShow {
-    /// NoteKind the servos were told, and where they were.
+    /// What the servos were told, and where they were.
     pub recording: Recording,
-    /// NoteKind changed, in order.
+    /// What changed, in order.
     pub notes: Vec<Note>,
-    /// NoteKind each tick cost, on the simulated board.
+    /// What each tick cost, on the simulated board.
     pub costs: Vec<Cost>,
 }
 
@@ -132,8 +132,8 @@ pub fn on_host(program: &Program) -> Result<PlayedShow> {
 /// The servos, and what will happen to them.
 fn recorder(program: &Program) -> Result<Recorder<'_>> {
     let mut recorder = Recorder::new(&program.map)?;
-    for (tick, deed) in &program.deeds {
-        recorder.schedule(*tick, *deed)?;
+    for (tick, disturbance) in &program.disturbances {
+        recorder.schedule(*tick, *disturbance)?;
     }
     Ok(recorder)
 }
@@ -211,7 +211,7 @@ pub fn image(program: &Program) -> Result<Vec<u8>> {
     images::build(program, SLACK_US)
 }
 
-/// NoteKind a wire does to packets: it is given the number of each packet of either direction, whether a servo sent it, and the
+/// What a wire does to packets: it is given the number of each packet of either direction, whether a servo sent it, and the
 /// packet, and gives what gets through.
 pub type Tamper<'t> = dyn FnMut(usize, bool, &[u8]) -> Vec<u8> + 't;
 
@@ -343,7 +343,7 @@ impl Packets {
     }
 }
 
-/// NoteKind ticks cost, from what goes over the simulated wire.
+/// What ticks cost, from what goes over the simulated wire.
 struct Meter {
     byte_cycles: u64,
     costs: Vec<Cost>,

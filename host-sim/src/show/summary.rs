@@ -1,4 +1,4 @@
-//! NoteKind a show came to, in numbers.
+//! What a show came to, in numbers.
 
 use super::file::Program;
 use super::played::{Cost, NoteKind, PlayedShow};
@@ -231,7 +231,7 @@ fn servo(joint: &Joint, track: &Track, name: &str, hz: f64) -> ServoSummary {
         let out = !(joint.min..=joint.max).contains(&goal) && !from_here;
         summary.outside_limits += u32::from(too_far || out);
         if let Some(step) = step.filter(|step| step.abs() <= velocity + 1.0) {
-            // NoteKind is a unit is rounding.
+            // What is a unit is rounding.
             summary.speed = summary.speed.max((step.abs() - 1.0).max(0.0) / velocity);
             if let Some(last) = last.replace(step) {
                 let change: f64 = step - last;

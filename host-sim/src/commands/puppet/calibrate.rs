@@ -62,7 +62,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     enter(&lines)?;
     for servo in servos.iter() {
         if let Some(bus) = &mut buses[servo.bus] {
-            let off = ports::run(bus.set_torque(&[servo.id], 0, false));
+            let off = ports::block_on(bus.set_torque(&[servo.id], 0, false));
             off.map_err(|error| anyhow!("servo {} (\"{}\"): {error}", servo.id, servo.name))?;
         }
     }
@@ -128,7 +128,7 @@ fn open(on: &str, names: &[String], specs: &[BusSpec]) -> Result<Vec<Option<Seri
 fn look(bus: &mut SerialBus, servo: &NamedServo) -> Result<Reading> {
     let mut tried = 0;
     loop {
-        match ports::run(bus.look(servo.id)) {
+        match ports::block_on(bus.look(servo.id)) {
             Ok(Reading { torque: Some(true), .. }) => {
                 bail!("servo {} (\"{}\") holds: somebody has turned its torque on", servo.id, servo.name)
             }

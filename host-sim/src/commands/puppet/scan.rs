@@ -145,7 +145,7 @@ fn who(bus: &mut SerialBus, wanted: &Wanted, ids: Option<&Ids>) -> Result<Vec<(u
     let asked: Vec<u8> = match ids {
         Some(Ids(ids)) => ids.clone().collect(),
         None if wanted.spec.kind == BusKind::Dynamixel => {
-            found = ports::run(bus.identify_all()).map_err(failed)?;
+            found = ports::block_on(bus.identify_all()).map_err(failed)?;
             // Where two answer at once, neither is heard.
             wanted.servos.iter().map(|servo| servo.id).collect()
         }
@@ -155,7 +155,7 @@ fn who(bus: &mut SerialBus, wanted: &Wanted, ids: Option<&Ids>) -> Result<Vec<(u
         if found.iter().any(|(there, _)| *there == id) {
             continue;
         }
-        match ports::run(bus.identify(id)) {
+        match ports::block_on(bus.identify(id)) {
             Ok(identity) => found.push((id, identity)),
             Err(BusError::Port) => return Err(failed(BusError::Port)),
             Err(_) => {}
@@ -167,7 +167,7 @@ fn who(bus: &mut SerialBus, wanted: &Wanted, ids: Option<&Ids>) -> Result<Vec<(u
 
 fn look(bus: &mut SerialBus, wanted: &Wanted, baud: u32, id: u8, identity: Identity) -> Found {
     // One that said who it is also says where it is, though an answer may be lost.
-    let reading = (0..3).find_map(|_| ports::run(bus.look(id)).ok());
+    let reading = (0..3).find_map(|_| ports::block_on(bus.look(id)).ok());
     let joint = wanted.servos.iter().find(|servo| servo.id == id).map(|servo| servo.name.clone());
     Found {
         port: wanted.path.clone(),
