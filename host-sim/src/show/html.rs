@@ -47,7 +47,7 @@ pub fn show_page(program: &Program, played: &PlayedShow, summary: &Summary) -> S
         }
         (tiles(summary))
         (figure(
-            html! { "NoteKind happened: states, clips, latched faults, and what was done to it" },
+            html! { "What happened: states, clips, latched faults, and what was done to it" },
             time_line(WIDE, seconds, &rows(program, played, summary), marks),
         ))
         (faults(summary))
