@@ -2,8 +2,7 @@
 
 use crate::lend::SpareRam;
 use crate::loaded::{File, Number};
-use decoder_core::I16F16;
-use decoder_core::mclip::{Memory, State};
+use decoder_core::mclip::Memory;
 
 /// The clip.
 #[unsafe(no_mangle)]
@@ -26,9 +25,9 @@ static HALVES: Number = Number::NONE;
 pub fn memory() -> Memory<'static> {
     let mut ram = SpareRam::new();
     Memory {
-        pose: ram.lend(CHANNELS.elements(), I16F16::ZERO),
-        states: ram.lend(CHANNELS.elements(), State::EMPTY),
-        words: ram.lend(WORDS.elements(), 0),
-        halves: ram.lend(HALVES.elements(), 0),
+        pose: ram.lend(CHANNELS.elements()),
+        states: ram.lend(CHANNELS.elements()),
+        words: ram.lend(WORDS.elements()),
+        halves: ram.lend(HALVES.elements()),
     }
 }

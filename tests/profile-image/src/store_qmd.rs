@@ -2,7 +2,7 @@
 
 use crate::lend::SpareRam;
 use crate::loaded::{File, Number};
-use decoder_core::{Error, I16F16, Limits, qmd};
+use decoder_core::{Error, Limits, qmd};
 
 /// The clip.
 #[unsafe(no_mangle)]
@@ -22,7 +22,7 @@ pub type Decoder = qmd::Decoder<'static, 'static>;
 pub fn decoder() -> Result<(Decoder, u16), Error> {
     let clip = qmd::Clip::parse(CLIP.bytes(), Limits::MAX)?;
     let mut ram = SpareRam::new();
-    let pose = ram.lend(CHANNELS.elements(), I16F16::ZERO);
-    let table = if cfg!(feature = "no-table") { None } else { Some(ram.lend(TABLE.elements(), 0)) };
+    let pose = ram.lend(CHANNELS.elements());
+    let table = if cfg!(feature = "no-table") { None } else { Some(ram.lend(TABLE.elements())) };
     Ok((clip.decoder(pose, table)?, clip.rate_centihertz()))
 }
