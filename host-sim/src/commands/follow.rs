@@ -7,10 +7,6 @@ use firmware::map::BusKind;
 use host_sim::link::port::Port;
 use host_sim::play::{self, seconds};
 use host_sim::ports::{self, Played};
-use host_sim::servos::pins::Board;
-#[cfg(unix)]
-use host_sim::servos::serve::Pty;
-use host_sim::servos::{Bus, BusConfig, ServoConfig};
 use puppet_file::{Map, Puppet};
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
@@ -19,6 +15,12 @@ use std::sync::atomic::AtomicUsize;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
+#[cfg(unix)]
+use virtual_servos::config::ServoConfig;
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::hobby::HobbyBoard;
+use virtual_servos::serve::Pty;
+use virtual_servos::virtual_bus::VirtualBus;
 
 /// Follow the live mode of the Blender add-on Servo Animation: its frames move a puppet, within the puppet's limits.
 ///
@@ -111,13 +113,16 @@ fn on_host(
     let on_line = map.buses().iter().position(|bus| bus.kind == BusKind::Dynamixel);
     let joints = map.joints().iter().filter(|joint| Some(usize::from(joint.bus)) == on_line);
     let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
-    let mut servos = Bus::new(&BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) })?;
+    let mut servos = DynamixelServos::new(&DynamixelConfig {
+        servos: servos.collect(),
+        ..DynamixelConfig::with_ids(&[])
+    })?;
     let power_on = Instant::now();
     let hear = |bytes: &[u8]| {
         let now_us = u64::try_from(power_on.elapsed().as_micros()).unwrap_or(u64::MAX);
         servos.receive(bytes, now_us, &mut |_| {})
     };
-    let bus = play::virtual_bus(map, &Board::default(), hear).context("--on host")?;
+    let bus = play::virtual_bus(map, &HobbyBoard::default(), hear).context("--on host")?;
     ports::follow(input, lost_millis, map, bus, asked, say)
 }
 

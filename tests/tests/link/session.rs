@@ -244,8 +244,8 @@ fn several_hosts_at_once() {
 #[test]
 fn a_pseudo_terminal_is_a_serial_port() {
     use host_sim::device::{Listener, run_device};
-    use host_sim::servos::serve::Pty;
     use std::sync::atomic::{AtomicBool, Ordering};
+    use virtual_servos::serve::Pty;
     let clip = sample::clip();
     let map = map("sample.toml", &clip.skeleton);
     let listener = Listener::Pty(Box::new(Pty::open().unwrap()));

@@ -7,23 +7,23 @@ use std::convert::Infallible;
 use std::future::pending;
 
 /// The line; `hear` takes what is sent and gives what the servos answer.
-pub struct Line<F> {
+pub struct InProcessUart<F> {
     hear: F,
     answers: VecDeque<u8>,
 }
 
-impl<F: FnMut(&[u8]) -> Vec<u8>> Line<F> {
+impl<F: FnMut(&[u8]) -> Vec<u8>> InProcessUart<F> {
     /// A silent line.
     pub const fn new(hear: F) -> Self {
         Self { hear, answers: VecDeque::new() }
     }
 }
 
-impl<F> ErrorType for Line<F> {
+impl<F> ErrorType for InProcessUart<F> {
     type Error = Infallible;
 }
 
-impl<F: FnMut(&[u8]) -> Vec<u8>> Write for Line<F> {
+impl<F: FnMut(&[u8]) -> Vec<u8>> Write for InProcessUart<F> {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
         self.answers.extend((self.hear)(bytes));
         Ok(bytes.len())
@@ -34,7 +34,7 @@ impl<F: FnMut(&[u8]) -> Vec<u8>> Write for Line<F> {
     }
 }
 
-impl<F> Read for Line<F> {
+impl<F> Read for InProcessUart<F> {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
         if self.answers.is_empty() {
             pending::<()>().await;
@@ -48,8 +48,8 @@ impl<F> Read for Line<F> {
 }
 
 /// A timer whose time is over at once.
-pub struct Instantly;
+pub struct ZeroDelay;
 
-impl DelayNs for Instantly {
+impl DelayNs for ZeroDelay {
     async fn delay_ns(&mut self, _: u32) {}
 }

@@ -1,12 +1,17 @@
 //! The servos that a `puppet.toml` names.
 
-use super::{BlenderSink, Bus, BusConfig, ClassicBus, ConfigError, Deed, ServoConfig, Wire};
 use anyhow::{Context, anyhow, ensure};
 use firmware::map::BusKind;
 use puppet_file::models::{self, Model};
 use serde::Deserialize;
 use std::path::Path;
 use toml::Table;
+use virtual_servos::blender::BlenderSink;
+use virtual_servos::config::{ConfigError, ServoConfig};
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::protocol1::Protocol1Servos;
+use virtual_servos::protocol1_models::Protocol1Family;
+use virtual_servos::virtual_bus::{Disturbance, VirtualBus};
 
 /// What servos need of a puppet; everything else in the file is for the player.
 #[derive(Deserialize)]
@@ -34,7 +39,7 @@ struct Joint {
 
 /// A bus of a puppet and the servos on it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Served {
+pub struct ServedBus {
     /// Its name; of a puppet's only bus that has none, "bus".
     pub name: String,
     /// What it speaks.
@@ -43,21 +48,32 @@ pub struct Served {
     pub servos: Vec<(ServoConfig, Option<u16>)>,
 }
 
-impl Served {
-    /// The servos' end of the wire; none where they hang on a board's pins. A Dynamixel X is an XM430-W350, whatever model the
+impl ServedBus {
+    /// The servos, virtual; none where they hang on a board's pins. A Dynamixel X is an XM430-W350, whatever model the
     /// puppet says.
     ///
     /// # Errors
-    /// As [`Bus::new`].
-    pub fn wire(&self, byte_gap_us: u64) -> Result<Option<Box<dyn Wire>>, ConfigError> {
+    /// As [`DynamixelServos::new`].
+    pub fn virtual_bus(&self, byte_gap_us: u64) -> Result<Option<Box<dyn VirtualBus>>, ConfigError> {
         let servos = || self.servos.iter().map(|(servo, _)| *servo);
-        Ok(match self.kind {
-            BusKind::Dynamixel => {
-                Some(Box::new(Bus::new(&BusConfig { servos: servos().collect(), byte_gap_us })?))
+        Ok(Some(match (self.kind, protocol1_family(self.kind)) {
+            (_, Some(family)) => Box::new(Protocol1Servos::new(family, &self.servos, byte_gap_us)?),
+            (BusKind::Dynamixel, _) => {
+                Box::new(DynamixelServos::new(&DynamixelConfig { servos: servos().collect(), byte_gap_us })?)
             }
-            BusKind::Blender => Some(Box::new(BlenderSink::new(servos().map(|servo| servo.id).collect()))),
-            kind => ClassicBus::new(kind, &self.servos, byte_gap_us)?.map(|bus| Box::new(bus) as _),
-        })
+            (BusKind::Blender, _) => Box::new(BlenderSink::new(servos().map(|servo| servo.id).collect())),
+            _ => return Ok(None),
+        }))
+    }
+}
+
+/// The servos on such a bus, where they have the frame of protocol 1.0.
+const fn protocol1_family(kind: BusKind) -> Option<Protocol1Family> {
+    match kind {
+        BusKind::Dynamixel1 => Some(Protocol1Family::AxMx),
+        BusKind::Sts => Some(Protocol1Family::Sts),
+        BusKind::Scs => Some(Protocol1Family::Scs),
+        BusKind::Dynamixel | BusKind::Pwm | BusKind::Pca9685 | BusKind::Blender => None,
     }
 }
 
@@ -66,14 +82,14 @@ impl Served {
 ///
 /// # Errors
 /// A sentence with the file and, for what is not TOML or no number, the line.
-pub fn read(path: &Path) -> anyhow::Result<Vec<Served>> {
+pub fn read(path: &Path) -> anyhow::Result<Vec<ServedBus>> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     parse(&text).with_context(|| format!("{} does not describe servos", path.display()))
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Happenings {
+struct Events {
     event: Vec<Table>,
 }
 
@@ -83,16 +99,16 @@ struct Happenings {
 ///
 /// # Errors
 /// A sentence with the file and the event.
-pub fn read_events(path: &Path) -> anyhow::Result<Vec<(u64, Option<String>, Deed)>> {
+pub fn read_events(path: &Path) -> anyhow::Result<Vec<(u64, Option<String>, Disturbance)>> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     let events =
         toml::from_str(&text).with_context(|| format!("{} does not describe events", path.display()));
-    let Happenings { event } = events?;
+    let Events { event } = events?;
     let timed = |(index, mut table): (usize, Table)| {
         let context = || format!("{}: event {}", path.display(), index + 1);
         let at = at(&mut table).with_context(context)?;
         let bus = table.remove("bus").map(|bus| bus.try_into()).transpose().with_context(context)?;
-        Ok(((at * 1e6) as u64, bus, deed(table).with_context(context)?))
+        Ok(((at * 1e6) as u64, bus, disturbance(table).with_context(context)?))
     };
     event.into_iter().enumerate().map(timed).collect()
 }
@@ -112,19 +128,20 @@ pub(crate) fn at(event: &mut Table) -> anyhow::Result<f64> {
 ///
 /// # Errors
 /// A sentence where it is none.
-pub(crate) fn deed(event: Table) -> anyhow::Result<Deed> {
-    let deed = event.try_into::<Deed>().map_err(|error| anyhow::anyhow!("{}", error.message()))?;
-    if let Deed::Silence { seconds, .. } | Deed::Cut { seconds } = deed {
+pub(crate) fn disturbance(event: Table) -> anyhow::Result<Disturbance> {
+    let disturbance =
+        event.try_into::<Disturbance>().map_err(|error| anyhow::anyhow!("{}", error.message()))?;
+    if let Disturbance::Silence { seconds, .. } | Disturbance::Cut { seconds } = disturbance {
         ensure!((0.0..1e6).contains(&seconds), "`seconds` is {seconds}, expected 0 or more");
     }
-    Ok(deed)
+    Ok(disturbance)
 }
 
-fn parse(text: &str) -> anyhow::Result<Vec<Served>> {
+fn parse(text: &str) -> anyhow::Result<Vec<ServedBus>> {
     let puppet: Puppet = toml::from_str(text)?;
     ensure!(!puppet.joint.is_empty(), "found no table [[joint]], expected one with an id for each servo");
-    let served = |bus: Named| Served { name: bus.name, kind: bus.kind, servos: Vec::new() };
-    let mut buses: Vec<Served> = puppet.bus.into_iter().map(served).collect();
+    let served = |bus: Named| ServedBus { name: bus.name, kind: bus.kind, servos: Vec::new() };
+    let mut buses: Vec<ServedBus> = puppet.bus.into_iter().map(served).collect();
     if buses.is_empty() {
         buses.push(served(Named { name: "bus".to_owned(), kind: BusKind::Dynamixel }));
     }
@@ -138,7 +155,7 @@ fn parse(text: &str) -> anyhow::Result<Vec<Served>> {
         let bus = bus.with_context(|| format!("the joint with the id {id} is on no bus that is there"))?;
         let model =
             joint.model.map(|model| models::number(&model)).transpose().map_err(|why| anyhow!(why))?;
-        let most = ClassicBus::most(bus.kind, model).unwrap_or(4095);
+        let most = protocol1_family(bus.kind).map_or(4095, |family| family.max_position(model));
         let [one, other] = joint.goal_range.unwrap_or([0, most]);
         let (min_position, max_position) = (one.min(other), one.max(other));
         let position = (most + 1) / 2;
@@ -157,7 +174,7 @@ mod tests {
         let served = parse(text).unwrap();
         let servos =
             [(ServoConfig::new(7), None), (ServoConfig { min_position: 1000, ..ServoConfig::new(3) }, None)];
-        let bus = Served { name: "bus".to_owned(), kind: BusKind::Dynamixel, servos: servos.to_vec() };
+        let bus = ServedBus { name: "bus".to_owned(), kind: BusKind::Dynamixel, servos: servos.to_vec() };
         assert_eq!(served, [bus]);
     }
 
@@ -166,10 +183,11 @@ mod tests {
         let text = "[[bus]]\nname = 'arm'\nkind = 'dynamixel1'\n[[bus]]\nname = 'face'\nkind = 'pwm'\n\
             [[joint]]\nid = 1\nbus = 'arm'\nmodel = 'MX-28'\n[[joint]]\nid = 1\nbus = 'face'\n[[joint]]\nid = 2\nbus = 'arm'\n";
         let served = parse(text).unwrap();
-        let most = |bus: &Served| bus.servos.iter().map(|(servo, _)| servo.max_position).collect::<Vec<_>>();
+        let most =
+            |bus: &ServedBus| bus.servos.iter().map(|(servo, _)| servo.max_position).collect::<Vec<_>>();
         assert_eq!(served.iter().map(most).collect::<Vec<_>>(), [vec![4095, 1023], vec![4095]]);
         assert_eq!(served[0].servos[0].1, Some(29));
-        assert!(served[0].wire(0).unwrap().is_some() && served[1].wire(0).unwrap().is_none());
+        assert!(served[0].virtual_bus(0).unwrap().is_some() && served[1].virtual_bus(0).unwrap().is_none());
         let error = parse(&text.replace("bus = 'face'", "bus = 'leg'")).unwrap_err();
         assert!(error.to_string().contains("id 1 is on no bus"), "{error}");
     }
@@ -188,8 +206,8 @@ mod tests {
         assert_eq!(
             events.unwrap(),
             [
-                (1_500_000, Some("arm".to_owned()), Deed::Restart { servo: 3 }),
-                (2_000_000, None, Deed::Cut { seconds: 0.1 })
+                (1_500_000, Some("arm".to_owned()), Disturbance::Restart { servo: 3 }),
+                (2_000_000, None, Disturbance::Cut { seconds: 0.1 })
             ]
         );
         for (text, expected) in [

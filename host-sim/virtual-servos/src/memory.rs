@@ -1,18 +1,18 @@
 //! The control table as bytes, with its rules for reading and writing.
 
-use super::model::{self, Entry, SIZE};
+use crate::control_table::{self, Entry, SIZE};
 use servo_wire::dynamixel::ErrorNumber;
 use servo_wire::dynamixel::table::{RAM_START, Register};
 
 /// One servo's control table.
 #[derive(Clone)]
-pub(super) struct Memory {
+pub(crate) struct Memory {
     bytes: [u8; SIZE],
 }
 
 /// A value about to be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Change {
+pub(crate) struct Change {
     pub register: Register,
     pub value: i64,
 }
@@ -21,7 +21,7 @@ impl Memory {
     /// As it leaves the factory.
     pub fn new() -> Self {
         let mut memory = Self { bytes: [0; SIZE] };
-        for entry in model::entries() {
+        for entry in control_table::entries() {
             memory.set(entry.register, entry.default);
         }
         memory
@@ -35,7 +35,7 @@ impl Memory {
 
     /// The value of a register, signed where the model says so.
     pub fn get(&self, register: Register) -> i64 {
-        let signed = model::entry_at(register.address).is_some_and(|entry| entry.min < 0);
+        let signed = control_table::entry_at(register.address).is_some_and(|entry| entry.min < 0);
         value(self.raw(register.address, register.len), signed)
     }
 
@@ -52,7 +52,7 @@ impl Memory {
 
     /// Where the byte at `address` really is: indirect data may lie elsewhere.
     fn resolve(&self, address: u16) -> u16 {
-        match model::indirect_address(address) {
+        match control_table::indirect_address(address) {
             Some(register) => {
                 u16::from_le_bytes([self.raw(register.address, 2)[0], self.raw(register.address, 2)[1]])
             }
@@ -75,7 +75,7 @@ impl Memory {
             return Err(ErrorNumber::Access);
         }
         let range = address..address + len;
-        let defined = model::entries().any(|Entry { register, .. }| {
+        let defined = control_table::entries().any(|Entry { register, .. }| {
             register.address < range.end && range.start < register.address + register.len
         });
         if !defined {
@@ -100,7 +100,7 @@ impl Memory {
         let mut changes = Vec::new();
         let mut at = 0;
         while let Some(&target) = targets.get(at) {
-            let entry = model::entry_at(target).ok_or(ErrorNumber::Access)?;
+            let entry = control_table::entry_at(target).ok_or(ErrorNumber::Access)?;
             if !entry.writable || (locked && target < RAM_START) {
                 return Err(ErrorNumber::Access);
             }

@@ -1,11 +1,12 @@
 //! One servo: what reading, writing and time do to it.
 
-use super::crowd::Shaft;
-use super::memory::{Change, Memory};
-use super::model::{
+use crate::config::ServoConfig;
+use crate::control_table::{
     ACCELERATION_UNIT, INPUT_VOLTAGE, MOTOR_SPEED, MULTI_TURN_LIMIT, TEMPERATURE, VELOCITY_UNIT,
 };
-use super::motion::{Drive, Motion};
+use crate::group::SimulatedServo;
+use crate::memory::{Change, Memory};
+use crate::motion::{Drive, Motion};
 use servo_wire::dynamixel::ErrorNumber;
 use servo_wire::dynamixel::table::*;
 
@@ -24,29 +25,8 @@ const CLEAR_TURNS: [u8; 5] = [0x01, 0x44, 0x58, 0x4C, 0x22];
 /// Microseconds in a step of the motion.
 const STEP_US: u64 = 1000;
 
-/// How a servo is when its power comes on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ServoConfig {
-    /// Id, 0 to 252.
-    pub id: u8,
-    /// Position at the start, 0 to 4095.
-    pub position: i32,
-    /// Min Position Limit (52), 0 to 4095.
-    pub min_position: i32,
-    /// Max Position Limit (48), 0 to 4095.
-    pub max_position: i32,
-}
-
-impl ServoConfig {
-    /// A servo at the middle of its turn, with the limits of the factory.
-    #[must_use]
-    pub const fn new(id: u8) -> Self {
-        Self { id, position: 2048, min_position: 0, max_position: 4095 }
-    }
-}
-
 /// One servo.
-pub(super) struct Servo {
+pub(crate) struct DynamixelServo {
     memory: Memory,
     motion: Motion,
     /// What Reg Write left for Action: address and bytes.
@@ -57,7 +37,7 @@ pub(super) struct Servo {
     heard_us: u64,
 }
 
-impl Servo {
+impl DynamixelServo {
     pub fn new(config: ServoConfig) -> Self {
         let mut servo = Self {
             memory: Memory::new(),
@@ -432,7 +412,7 @@ impl Servo {
     }
 }
 
-impl Shaft for Servo {
+impl SimulatedServo for DynamixelServo {
     fn id(&self) -> u8 {
         self.id()
     }

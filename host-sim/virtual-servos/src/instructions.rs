@@ -1,7 +1,7 @@
 //! One instruction packet, carried out by every servo that it concerns.
 
-use super::bus::Event;
-use super::servo::Servo;
+use crate::dynamixel_servo::DynamixelServo;
+use crate::virtual_bus::Event;
 use servo_wire::dynamixel::instruction::ALERT;
 use servo_wire::dynamixel::packet::{HEADER, max_packet_len};
 use servo_wire::dynamixel::{BROADCAST_ID, ErrorNumber, Instruction, Packet, PacketWriter, crc};
@@ -10,37 +10,37 @@ use servo_wire::dynamixel::{BROADCAST_ID, ErrorNumber, Instruction, Packet, Pack
 type Done = Result<(Vec<u8>, Option<i32>), ErrorNumber>;
 
 /// Answers of the servos, and what the tap is told.
-pub(super) struct Line<'a> {
+pub(crate) struct Answers<'a> {
     pub now_us: u64,
     pub tap: &'a mut dyn FnMut(Event),
     pub out: &'a mut Vec<u8>,
 }
 
-/// Carries out `packet`; the answers are appended to `line.out` in the order of the bus.
-pub(super) fn execute(servos: &mut [Servo], packet: &Packet<'_>, line: &mut Line<'_>) {
-    servos.iter_mut().for_each(Servo::hear);
+/// Carries out `packet`; the answers are appended to `answers.out` in the order of the bus.
+pub(crate) fn execute(servos: &mut [DynamixelServo], packet: &Packet<'_>, answers: &mut Answers<'_>) {
+    servos.iter_mut().for_each(DynamixelServo::hear);
     let instruction = Instruction::from_code(packet.instruction);
     let parameters = packet.parameters;
     if packet.id != BROADCAST_ID {
-        return single(servos, packet, line);
+        return single(servos, packet, answers);
     }
     match instruction {
         Some(Instruction::Ping) => {
             servos.sort_by_key(|servo| servo.id());
-            servos.iter().for_each(|servo| line.answer(servo, &servo.identity()));
+            servos.iter().for_each(|servo| answers.answer(servo, &servo.identity()));
         }
         Some(Instruction::SyncRead | Instruction::BulkRead) => {
             for Item { id, address, len } in read_list(packet) {
                 let asked = servos.iter().find(|servo| servo.id() == id && servo.return_level() > 0);
-                asked.into_iter().for_each(|servo| line.answer(servo, &servo.read(address, len)));
+                asked.into_iter().for_each(|servo| answers.answer(servo, &servo.read(address, len)));
             }
         }
-        Some(Instruction::FastSyncRead | Instruction::FastBulkRead) => fast_read(servos, packet, line),
+        Some(Instruction::FastSyncRead | Instruction::FastBulkRead) => fast_read(servos, packet, answers),
         Some(Instruction::SyncWrite) => {
             let Some((&[a0, a1, l0, l1], values)) = parameters.split_first_chunk() else { return };
             let len = usize::from(u16::from_le_bytes([l0, l1]));
             for value in values.chunks_exact(1 + len) {
-                line.write(servos, value[0], u16::from_le_bytes([a0, a1]), &value[1..]);
+                answers.write(servos, value[0], u16::from_le_bytes([a0, a1]), &value[1..]);
             }
         }
         Some(Instruction::BulkWrite) => {
@@ -50,7 +50,7 @@ pub(super) fn execute(servos: &mut [Servo], packet: &Packet<'_>, line: &mut Line
                 else {
                     return;
                 };
-                line.write(servos, id, u16::from_le_bytes([a0, a1]), data);
+                answers.write(servos, id, u16::from_le_bytes([a0, a1]), data);
                 rest = later;
             }
         }
@@ -66,7 +66,7 @@ pub(super) fn execute(servos: &mut [Servo], packet: &Packet<'_>, line: &mut Line
         ) => {
             for servo in servos {
                 let done = carry_out(servo, instruction, parameters, false);
-                line.tell(servo.id(), &done);
+                answers.tell(servo.id(), &done);
             }
         }
         Some(Instruction::Read | Instruction::Status) | None => {}
@@ -74,7 +74,7 @@ pub(super) fn execute(servos: &mut [Servo], packet: &Packet<'_>, line: &mut Line
 }
 
 /// An instruction to one id: its servo obeys and answers, those with this secondary id obey.
-fn single(servos: &mut [Servo], packet: &Packet<'_>, line: &mut Line<'_>) {
+fn single(servos: &mut [DynamixelServo], packet: &Packet<'_>, answers: &mut Answers<'_>) {
     let instruction = Instruction::from_code(packet.instruction);
     if instruction == Some(Instruction::Status) {
         return;
@@ -85,21 +85,26 @@ fn single(servos: &mut [Servo], packet: &Packet<'_>, line: &mut Line<'_>) {
         _ => 2,
     };
     for servo in servos {
-        let answers = servo.id() == packet.id;
-        if !answers && !servo.follows(packet.id) {
+        let is_addressed = servo.id() == packet.id;
+        if !is_addressed && !servo.follows(packet.id) {
             continue;
         }
         // A write may change the level itself, a reset the id: what counts is how the servo was asked.
         let (id, level) = (servo.id(), servo.return_level());
-        let done = carry_out(servo, instruction, packet.parameters, !answers);
-        line.tell(id, &done);
-        if answers && level >= needed_level {
-            line.status(id, servo.alert(), &done.map(|(answer, _)| answer));
+        let done = carry_out(servo, instruction, packet.parameters, !is_addressed);
+        answers.tell(id, &done);
+        if is_addressed && level >= needed_level {
+            answers.status(id, servo.alert(), &done.map(|(answer, _)| answer));
         }
     }
 }
 
-fn carry_out(servo: &mut Servo, instruction: Option<Instruction>, parameters: &[u8], as_group: bool) -> Done {
+fn carry_out(
+    servo: &mut DynamixelServo,
+    instruction: Option<Instruction>,
+    parameters: &[u8],
+    as_group: bool,
+) -> Done {
     let quiet = |goal| (Vec::new(), goal);
     let write_parameters = || match parameters.split_first_chunk() {
         Some((&address, data)) => Ok((u16::from_le_bytes(address), data)),
@@ -165,14 +170,14 @@ fn read_list(packet: &Packet<'_>) -> Vec<Item> {
 /// data and the checksum of all bytes so far. A servo that is missing ends it, since the next waits for it.
 ///
 /// A servo that must refuse sends zeros as data, or the length of the answer would be wrong.
-fn fast_read(servos: &[Servo], packet: &Packet<'_>, line: &mut Line<'_>) {
+fn fast_read(servos: &[DynamixelServo], packet: &Packet<'_>, answers: &mut Answers<'_>) {
     let items = read_list(packet);
     let length = 1 + items.iter().map(|item| usize::from(item.len) + 4).sum::<usize>();
     let Ok(length) = u16::try_from(length) else { return };
     let mut checksum = 0;
     let mut send = |bytes: &[u8]| {
         checksum = crc::update(checksum, bytes);
-        line.out.extend(bytes);
+        answers.out.extend(bytes);
         checksum
     };
     for (place, item) in items.iter().enumerate() {
@@ -198,9 +203,9 @@ fn error_byte(alert: bool, error: Option<&ErrorNumber>) -> u8 {
     alert | error.map_or(0, |&error| error as u8)
 }
 
-impl Line<'_> {
+impl Answers<'_> {
     /// A write inside a sync or bulk write, which nobody answers.
-    fn write(&mut self, servos: &mut [Servo], id: u8, address: u16, data: &[u8]) {
+    fn write(&mut self, servos: &mut [DynamixelServo], id: u8, address: u16, data: &[u8]) {
         for servo in servos {
             let own = servo.id() == id;
             if own || servo.follows(id) {
@@ -219,12 +224,12 @@ impl Line<'_> {
         }
     }
 
-    fn answer(&mut self, servo: &Servo, result: &Result<Vec<u8>, ErrorNumber>) {
+    fn answer(&mut self, servo: &DynamixelServo, result: &Result<Vec<u8>, ErrorNumber>) {
         self.status(servo.id(), servo.alert(), result);
     }
 
     /// Appends a status packet.
-    pub(super) fn status(&mut self, id: u8, alert: bool, result: &Result<Vec<u8>, ErrorNumber>) {
+    pub(crate) fn status(&mut self, id: u8, alert: bool, result: &Result<Vec<u8>, ErrorNumber>) {
         let parameters = result.as_deref().unwrap_or_default();
         let mut buffer = vec![0; max_packet_len(1 + parameters.len())];
         let packet = PacketWriter::new(&mut buffer, id, Instruction::Status)

@@ -3,12 +3,11 @@
 //! They move as fast as they can and never fail by themselves. A goal without torque is kept until torque comes on, so that a
 //! player which turns a servo on without telling it where it is sees it jump.
 
-use super::bus::{ConfigError, Event, Wire};
-use super::crowd::{Crowd, Deed, Shaft, check};
-use super::motion::Motion;
-use super::series::Series;
-use super::servo::ServoConfig;
-use firmware::map::BusKind;
+use crate::config::{ConfigError, ServoConfig, check};
+use crate::group::{ServoGroup, SimulatedServo};
+use crate::motion::Motion;
+use crate::protocol1_models::{Model, Protocol1Family};
+use crate::virtual_bus::{Disturbance, Event, VirtualBus};
 use servo_wire::dynamixel::ErrorNumber;
 use servo_wire::protocol1::packet::{BROADCAST_ID, Framer, Instruction, OVERHEAD, Packet, write};
 
@@ -23,8 +22,8 @@ const BAD_INSTRUCTION: u8 = 1 << 6;
 const BAD_RANGE: u8 = 1 << 3;
 const BAD_ANGLE: u8 = 1 << 1;
 
-struct Servo {
-    series: &'static Series,
+struct Protocol1Servo {
+    model: &'static Model,
     memory: Vec<u8>,
     motion: Motion,
     /// What Reg Write left for Action: address and bytes.
@@ -32,16 +31,16 @@ struct Servo {
     now_us: u64,
 }
 
-impl Servo {
-    fn new(series: &'static Series, config: ServoConfig, model: u16) -> Self {
+impl Protocol1Servo {
+    fn new(model: &'static Model, config: ServoConfig, number: u16) -> Self {
         let motion = Motion::new(f64::from(config.position));
-        let mut servo = Self { series, memory: factory(series), motion, registered: None, now_us: 0 };
-        servo.set(series.model_at, model.to_le_bytes());
-        servo.memory[usize::from(series.id_at)] = config.id;
+        let mut servo = Self { model, memory: factory(model), motion, registered: None, now_us: 0 };
+        servo.set(model.model_at, number.to_le_bytes());
+        servo.memory[usize::from(model.id_at)] = config.id;
         for (at, limit) in [(0, config.min_position), (2, config.max_position)] {
-            servo.set(series.limits_at + at, series.bytes(limit as u16));
+            servo.set(model.limits_at + at, model.bytes(limit as u16));
         }
-        servo.set(series.goal_at, series.bytes(config.position as u16));
+        servo.set(model.goal_at, model.bytes(config.position as u16));
         servo.publish();
         servo
     }
@@ -53,15 +52,15 @@ impl Servo {
 
     fn word(&self, at: u8) -> i32 {
         let at = usize::from(at);
-        self.series.value([self.memory[at], self.memory[at + 1]]).into()
+        self.model.value([self.memory[at], self.memory[at + 1]]).into()
     }
 
     fn torque(&self) -> bool {
-        self.memory[usize::from(self.series.torque_at)] != 0
+        self.memory[usize::from(self.model.torque_at)] != 0
     }
 
     fn answers_all(&self) -> bool {
-        self.memory[usize::from(self.series.level_at)] >= self.series.level_all
+        self.memory[usize::from(self.model.level_at)] >= self.model.level_all
     }
 
     fn read(&self, at: u8, len: u8) -> Result<&[u8], u8> {
@@ -73,26 +72,26 @@ impl Servo {
         let end = usize::from(at) + bytes.len();
         let writable = |at: usize| {
             let is_in = |from: u8, len: u8| (usize::from(from)..usize::from(from + len)).contains(&at);
-            self.series.registers.iter().any(|register| register.writable && is_in(register.at, register.len))
+            self.model.registers.iter().any(|register| register.writable && is_in(register.at, register.len))
         };
         if bytes.is_empty() || !(usize::from(at)..end).all(writable) {
             return Err(BAD_RANGE);
         }
         let before = self.memory.clone();
         self.memory[usize::from(at)..end].copy_from_slice(bytes);
-        let goal_at = self.series.goal_at;
+        let goal_at = self.model.goal_at;
         let goal = (at <= goal_at && end >= usize::from(goal_at) + 2).then(|| self.word(goal_at));
         let Some(goal) = goal else {
             self.drive();
             return Ok(None);
         };
-        let limits = (self.word(self.series.limits_at), self.word(self.series.limits_at + 2));
-        if !self.series.feetech && !(limits.0..=limits.1).contains(&goal) {
+        let limits = (self.word(self.model.limits_at), self.word(self.model.limits_at + 2));
+        if !self.model.feetech && !(limits.0..=limits.1).contains(&goal) {
             self.memory = before;
             return Err(BAD_ANGLE);
         }
         let goal = goal.min(limits.1).max(limits.0);
-        self.set(goal_at, self.series.bytes(goal as u16));
+        self.set(goal_at, self.model.bytes(goal as u16));
         self.drive();
         Ok(Some(goal))
     }
@@ -100,8 +99,8 @@ impl Servo {
     /// Sets off for the goal, or lets go.
     fn drive(&mut self) {
         if self.torque() {
-            let goal = f64::from(self.word(self.series.goal_at));
-            self.motion.go_to(goal, self.series.speed, f64::INFINITY, true);
+            let goal = f64::from(self.word(self.model.goal_at));
+            self.motion.go_to(goal, self.model.speed, f64::INFINITY, true);
         } else {
             self.motion.release();
         }
@@ -110,27 +109,27 @@ impl Servo {
 
     fn publish(&mut self) {
         let position = self.motion.position.round() as u16;
-        self.set(self.series.present_at, self.series.bytes(position));
-        self.memory[usize::from(self.series.moving_at)] = u8::from(!self.motion.at_rest());
+        self.set(self.model.present_at, self.model.bytes(position));
+        self.memory[usize::from(self.model.moving_at)] = u8::from(!self.motion.at_rest());
     }
 }
 
 /// The table as it leaves the factory.
-fn factory(series: &Series) -> Vec<u8> {
-    let mut memory = vec![0; series.len];
-    for register in series.registers {
+fn factory(model: &Model) -> Vec<u8> {
+    let mut memory = vec![0; model.len];
+    for register in model.registers {
         let at = usize::from(register.at);
         match register.len {
-            2 => memory[at..at + 2].copy_from_slice(&series.bytes(register.value)),
+            2 => memory[at..at + 2].copy_from_slice(&model.bytes(register.value)),
             _ => memory[at] = register.value as u8,
         }
     }
     memory
 }
 
-impl Shaft for Servo {
+impl SimulatedServo for Protocol1Servo {
     fn id(&self) -> u8 {
-        self.memory[usize::from(self.series.id_at)]
+        self.memory[usize::from(self.model.id_at)]
     }
 
     fn position(&self) -> i32 {
@@ -150,11 +149,11 @@ impl Shaft for Servo {
     }
 
     fn reboot(&mut self) {
-        let ram = self.series.ram;
-        self.memory[ram..].copy_from_slice(&factory(self.series)[ram..]);
+        let ram = self.model.ram;
+        self.memory[ram..].copy_from_slice(&factory(self.model)[ram..]);
         self.motion.release();
         self.registered = None;
-        self.set(self.series.goal_at, self.series.bytes(self.motion.position.round() as u16));
+        self.set(self.model.goal_at, self.model.bytes(self.motion.position.round() as u16));
         self.publish();
     }
 
@@ -166,76 +165,76 @@ impl Shaft for Servo {
     }
 }
 
-/// Virtual servos of one series on a bus. As on [`Bus`](super::Bus), rates and delays have no effect.
-pub struct ClassicBus {
-    series: &'static Series,
+/// Virtual servos of one family on a bus.
+///
+/// As with [`DynamixelServos`](crate::dynamixel_bus::DynamixelServos), rates and delays have no effect.
+pub struct Protocol1Servos {
+    /// The family's usual model, whose byte order and instructions all of the family have.
+    model: &'static Model,
     framer: Framer<LONGEST>,
-    crowd: Crowd<Servo>,
+    group: ServoGroup<Protocol1Servo>,
     byte_gap_us: u64,
     heard_us: u64,
 }
 
-impl ClassicBus {
-    /// Servos whose power comes on at time 0, torque off; each with its model number, if it is not the usual one. None where
-    /// servos of this kind of bus speak something else.
+impl Protocol1Servos {
+    /// Servos whose power comes on at time 0, torque off; each with its model number, if it is not the usual one.
+    ///
+    /// `byte_gap_us`: silence in microseconds after which half a packet is given up.
     ///
     /// # Errors
     /// [`ConfigError`] for an id out of range or used twice and for impossible limits.
     pub fn new(
-        kind: BusKind,
+        family: Protocol1Family,
         servos: &[(ServoConfig, Option<u16>)],
         byte_gap_us: u64,
-    ) -> Result<Option<Self>, ConfigError> {
-        let Some(series) = Series::of(kind, None) else { return Ok(None) };
+    ) -> Result<Self, ConfigError> {
         let mut all = Vec::new();
-        for &(config, model) in servos {
-            let series = Series::of(kind, model).unwrap_or(series);
-            check(&[config], series.most)?;
-            all.push(Servo::new(series, config, model.unwrap_or(series.model)));
+        for &(config, number) in servos {
+            let model = Model::of(family, number);
+            check(&[config], model.most)?;
+            all.push(Protocol1Servo::new(model, config, number.unwrap_or(model.number)));
         }
         check(&servos.iter().map(|(config, _)| *config).collect::<Vec<_>>(), i32::MAX)?;
-        Ok(Some(Self { series, framer: Framer::new(), crowd: Crowd::new(all), byte_gap_us, heard_us: 0 }))
-    }
-
-    /// Positions of such servos are 0 to this; none where servos of this kind of bus speak something else.
-    pub(super) fn most(kind: BusKind, model: Option<u16>) -> Option<i32> {
-        Series::of(kind, model).map(|series| series.most)
+        let model = Model::of(family, None);
+        Ok(Self { model, framer: Framer::new(), group: ServoGroup::new(all), byte_gap_us, heard_us: 0 })
     }
 }
 
-impl Wire for ClassicBus {
+impl VirtualBus for Protocol1Servos {
     fn receive(&mut self, bytes: &[u8], now_us: u64, tap: &mut dyn FnMut(Event)) -> Vec<u8> {
-        let Self { series, framer, crowd, .. } = self;
-        let Some(servos) = crowd.reached_at(now_us) else { return Vec::new() };
-        let mut line = Line { series, now_us, tap, out: Vec::new() };
+        let Self { model, framer, group, .. } = self;
+        let Some(servos) = group.reached_at(now_us) else { return Vec::new() };
+        let mut instructions = Instructions { model, now_us, tap, out: Vec::new() };
         if now_us.saturating_sub(self.heard_us) > self.byte_gap_us {
             while let Some(packet) = framer.flush() {
-                line.execute(servos, &packet);
+                instructions.execute(servos, &packet);
             }
         }
         self.heard_us = now_us;
         let mut bytes = bytes;
         while let Some(packet) = framer.feed(&mut bytes) {
-            line.execute(servos, &packet);
+            instructions.execute(servos, &packet);
         }
-        line.out
+        instructions.out
     }
 
-    fn schedule(&mut self, at_us: u64, deed: Deed) -> Result<(), ConfigError> {
-        self.crowd.schedule(at_us, deed)
+    fn schedule(&mut self, at_us: u64, disturbance: Disturbance) -> Result<(), ConfigError> {
+        self.group.schedule(at_us, disturbance)
     }
 }
 
-struct Line<'a> {
-    series: &'static Series,
+/// Carries out instructions on servos.
+struct Instructions<'a> {
+    model: &'static Model,
     now_us: u64,
     tap: &'a mut dyn FnMut(Event),
     out: Vec<u8>,
 }
 
-impl Line<'_> {
+impl Instructions<'_> {
     /// Carries out a packet.
-    fn execute(&mut self, servos: &mut [Servo], packet: &Packet<'_>) {
+    fn execute(&mut self, servos: &mut [Protocol1Servo], packet: &Packet<'_>) {
         let Packet { id, code, parameters } = *packet;
         const SYNC_READ: u8 = Instruction::SyncRead as u8;
         const SYNC_WRITE: u8 = Instruction::SyncWrite as u8;
@@ -248,7 +247,7 @@ impl Line<'_> {
                     }
                 }
             }
-            (BROADCAST_ID, SYNC_READ, &[at, len, ref ids @ ..]) if self.series.sync_read => {
+            (BROADCAST_ID, SYNC_READ, &[at, len, ref ids @ ..]) if self.model.sync_read => {
                 for id in ids {
                     let servo = servos.iter().find(|servo| servo.id() == *id);
                     if let Some((servo, Ok(bytes))) = servo.map(|servo| (servo, servo.read(at, len))) {
@@ -265,14 +264,14 @@ impl Line<'_> {
                 let Some(servo) = servos.iter_mut().find(|servo| servo.id() == id) else { return };
                 let read = [Instruction::Ping as u8, Instruction::Read as u8].contains(&code);
                 let answers = read || servo.answers_all();
-                let silent = self.series.feetech && code == Instruction::Reboot as u8;
+                let silent = self.model.feetech && code == Instruction::Reboot as u8;
                 let done = self.carry_out(servo, code, parameters);
                 if !answers || silent {
                     return;
                 }
                 match done {
                     Ok(bytes) => self.answer(id, 0, &bytes),
-                    Err(_) if self.series.feetech => self.answer(id, 0, &[]),
+                    Err(_) if self.model.feetech => self.answer(id, 0, &[]),
                     Err(error) => self.answer(id, error, &[]),
                 }
             }
@@ -280,7 +279,7 @@ impl Line<'_> {
     }
 
     /// What one servo does; its answer's parameters, or its error bits.
-    fn carry_out(&mut self, servo: &mut Servo, code: u8, parameters: &[u8]) -> Result<Vec<u8>, u8> {
+    fn carry_out(&mut self, servo: &mut Protocol1Servo, code: u8, parameters: &[u8]) -> Result<Vec<u8>, u8> {
         let is = |instruction: Instruction| code == instruction as u8;
         match parameters {
             [] if is(Instruction::Ping) => Ok(Vec::new()),
@@ -294,7 +293,7 @@ impl Line<'_> {
                 let (at, bytes) = servo.registered.take().ok_or(BAD_INSTRUCTION)?;
                 self.write(servo, at, &bytes)
             }
-            [] if is(Instruction::Reboot) && self.series.feetech => {
+            [] if is(Instruction::Reboot) && self.model.feetech => {
                 servo.reboot();
                 Ok(Vec::new())
             }
@@ -302,7 +301,7 @@ impl Line<'_> {
         }
     }
 
-    fn write(&mut self, servo: &mut Servo, at: u8, bytes: &[u8]) -> Result<Vec<u8>, u8> {
+    fn write(&mut self, servo: &mut Protocol1Servo, at: u8, bytes: &[u8]) -> Result<Vec<u8>, u8> {
         let (id, time_us) = (servo.id(), self.now_us);
         match servo.write(at, bytes) {
             Ok(Some(position)) => (self.tap)(Event::Goal { time_us, id, position }),
@@ -331,16 +330,16 @@ mod tests {
         write(&mut [0; LONGEST], id, code, &[parameters]).unwrap().to_vec()
     }
 
-    fn bus(kind: BusKind, ids: &[u8], position: i32) -> ClassicBus {
-        let most = ClassicBus::most(kind, None).unwrap();
+    fn bus(family: Protocol1Family, ids: &[u8], position: i32) -> Protocol1Servos {
+        let most = family.max_position(None);
         let servo = |&id: &u8| {
             (ServoConfig { position, min_position: 100, max_position: most, ..ServoConfig::new(id) }, None)
         };
-        ClassicBus::new(kind, &ids.iter().map(servo).collect::<Vec<_>>(), 1500).unwrap().unwrap()
+        Protocol1Servos::new(family, &ids.iter().map(servo).collect::<Vec<_>>(), 1500).unwrap()
     }
 
     /// The answers' error bytes and parameters.
-    fn ask(bus: &mut ClassicBus, now_us: u64, bytes: &[u8]) -> Vec<(u8, u8, Vec<u8>)> {
+    fn ask(bus: &mut Protocol1Servos, now_us: u64, bytes: &[u8]) -> Vec<(u8, u8, Vec<u8>)> {
         let answer = bus.receive(bytes, now_us, &mut |_| {});
         let (mut framer, mut rest, mut packets) = (Framer::<LONGEST>::new(), &answer[..], Vec::new());
         while let Some(packet) = framer.feed(&mut rest) {
@@ -352,7 +351,7 @@ mod tests {
     /// The e-Manual's examples: ping, read the temperature, and what answers them.
     #[test]
     fn an_ax_answers_as_in_the_manual() {
-        let mut bus = bus(BusKind::Dynamixel1, &[1], 512);
+        let mut bus = bus(Protocol1Family::AxMx, &[1], 512);
         let quiet = &mut |_| {};
         assert_eq!(
             bus.receive(&[0xFF, 0xFF, 0x01, 0x02, 0x01, 0xFB], 0, quiet),
@@ -371,32 +370,32 @@ mod tests {
 
     #[test]
     fn each_series_moves_where_it_is_told_once_it_holds() {
-        for kind in [BusKind::Dynamixel1, BusKind::Sts, BusKind::Scs] {
-            let mut bus = bus(kind, &[7, 9], 600);
-            let series = bus.series;
+        for family in [Protocol1Family::AxMx, Protocol1Family::Sts, Protocol1Family::Scs] {
+            let mut bus = bus(family, &[7, 9], 600);
+            let model = bus.model;
             let mut taken = Vec::new();
             let goal = |value: u16| {
-                let [first, second] = series.bytes(value);
-                packet(BROADCAST_ID, 0x83, &[series.goal_at, 2, 7, first, second, 9, first, second])
+                let [first, second] = model.bytes(value);
+                packet(BROADCAST_ID, 0x83, &[model.goal_at, 2, 7, first, second, 9, first, second])
             };
             let mut tap = |event| taken.push(event);
             assert!(bus.receive(&goal(700), 0, &mut tap).is_empty());
             assert_eq!([7, 9].map(|id| Event::Goal { time_us: 0, id, position: 700 }).to_vec(), taken);
-            let present = |bus: &mut ClassicBus, now_us| {
-                let answers = ask(bus, now_us, &packet(7, 2, &[series.present_at, 2]));
+            let present = |bus: &mut Protocol1Servos, now_us| {
+                let answers = ask(bus, now_us, &packet(7, 2, &[model.present_at, 2]));
                 let (7, 0, bytes) = &answers[0] else { panic!("{answers:?}") };
-                series.value([bytes[0], bytes[1]])
+                model.value([bytes[0], bytes[1]])
             };
             assert_eq!(present(&mut bus, 900_000), 600);
-            assert_eq!(ask(&mut bus, 900_000, &packet(7, 3, &[series.torque_at, 1])), [(7, 0, vec![])]);
+            assert_eq!(ask(&mut bus, 900_000, &packet(7, 3, &[model.torque_at, 1])), [(7, 0, vec![])]);
             let early = present(&mut bus, 910_000);
             assert!(600 < early && early < 700, "{early}");
             assert_eq!(present(&mut bus, 2_000_000), 700);
-            assert_eq!(bus.crowd.position(9), Some(600), "{kind:?}");
+            assert_eq!(bus.group.position(9), Some(600), "{family:?}");
             // After its supply broke in it is away, then there and slack.
-            bus.schedule(2_000_000, Deed::Restart { servo: 7 }).unwrap();
+            bus.schedule(2_000_000, Disturbance::Restart { servo: 7 }).unwrap();
             assert_eq!(ask(&mut bus, 2_100_000, &packet(7, 1, &[])), []);
-            let torque = ask(&mut bus, 2_400_000, &packet(7, 2, &[series.torque_at, 1]));
+            let torque = ask(&mut bus, 2_400_000, &packet(7, 2, &[model.torque_at, 1]));
             assert_eq!(torque, [(7, 0, vec![0])]);
         }
     }
@@ -404,9 +403,9 @@ mod tests {
     #[test]
     fn only_sts_are_read_together_and_feetech_clamps() {
         let question = packet(BROADCAST_ID, 0x82, &[56, 2, 9, 8, 7]);
-        let mut sts = bus(BusKind::Sts, &[7, 9], 600);
+        let mut sts = bus(Protocol1Family::Sts, &[7, 9], 600);
         assert_eq!(ask(&mut sts, 0, &question), [(9, 0, vec![88, 2]), (7, 0, vec![88, 2])]);
-        assert_eq!(ask(&mut bus(BusKind::Scs, &[7, 9], 600), 0, &question), []);
+        assert_eq!(ask(&mut bus(Protocol1Family::Scs, &[7, 9], 600), 0, &question), []);
         let mut taken = Vec::new();
         sts.receive(&packet(7, 3, &[42, 5, 0]), 0, &mut |event| taken.push(event));
         assert_eq!(taken, [Event::Goal { time_us: 0, id: 7, position: 100 }]);
@@ -414,7 +413,7 @@ mod tests {
 
     #[test]
     fn half_a_packet_does_not_swallow_the_next() {
-        let mut bus = bus(BusKind::Scs, &[7], 600);
+        let mut bus = bus(Protocol1Family::Scs, &[7], 600);
         assert_eq!(ask(&mut bus, 0, &[0xFF, 0xFF, 7, 250, 3]), []);
         assert_eq!(ask(&mut bus, 5_000, &packet(7, 1, &[])), [(7, 0, vec![])]);
     }
@@ -422,10 +421,10 @@ mod tests {
     #[test]
     fn what_cannot_be_is_refused() {
         let servo = |id, max_position| (ServoConfig { max_position, ..ServoConfig::new(id) }, None);
-        let error = |servos: &[_]| ClassicBus::new(BusKind::Scs, servos, 0).err().map(|e| e.to_string());
+        let error =
+            |servos: &[_]| Protocol1Servos::new(Protocol1Family::Scs, servos, 0).err().map(|e| e.to_string());
         assert!(error(&[servo(1, 1023)]).is_none());
         assert!(error(&[servo(1, 1024)]).unwrap().contains("within 0 to 1023"));
         assert!(error(&[servo(1, 1023), servo(1, 1023)]).unwrap().contains("twice"));
-        assert!(ClassicBus::new(BusKind::Pwm, &[], 0).unwrap().is_none());
     }
 }

@@ -1,6 +1,8 @@
 //! What the servos do on the wire, seen from a client.
 
-use super::{Bus, BusConfig, ConfigError, Deed, Event, START_US, ServoConfig};
+use crate::config::{ConfigError, ServoConfig};
+use crate::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use crate::virtual_bus::{Disturbance, Event, START_US, VirtualBus};
 use servo_wire::bus::Goal;
 use servo_wire::dynamixel::instruction::ALERT;
 use servo_wire::dynamixel::table::*;
@@ -10,18 +12,18 @@ use servo_wire::dynamixel::{BROADCAST_ID, ErrorNumber, Framer, Instruction, Pack
 type Answer = (u8, u8, Vec<u8>);
 
 struct Client {
-    bus: Bus,
+    bus: DynamixelServos,
     now_us: u64,
     events: Vec<Event>,
 }
 
 impl Client {
     fn new(ids: &[u8]) -> Self {
-        Self::with(&BusConfig::with_ids(ids))
+        Self::with(&DynamixelConfig::with_ids(ids))
     }
 
-    fn with(config: &BusConfig) -> Self {
-        Self { bus: Bus::new(config).unwrap(), now_us: 0, events: Vec::new() }
+    fn with(config: &DynamixelConfig) -> Self {
+        Self { bus: DynamixelServos::new(config).unwrap(), now_us: 0, events: Vec::new() }
     }
 
     fn raw(&mut self, bytes: &[u8]) -> Vec<u8> {
@@ -98,7 +100,7 @@ fn a_ping_names_the_model() {
 #[test]
 fn reads_of_several_servos_are_those_of_the_manual() {
     let servos = vec![at(1, 166), at(2, 2079), at(3, 166), at(4, 1023), at(7, 2079)];
-    let mut client = Client::with(&BusConfig { servos, ..BusConfig::with_ids(&[]) });
+    let mut client = Client::with(&DynamixelConfig { servos, ..DynamixelConfig::with_ids(&[]) });
     let answer = client.raw(&packet(BROADCAST_ID, Instruction::SyncRead, &[0x84, 0, 4, 0, 1, 2]));
     let expected = [
         0xFF, 0xFF, 0xFD, 0x00, 0x01, 0x08, 0x00, 0x55, 0x00, 0xA6, 0x00, 0x00, 0x00, 0x8C, 0xC0, 0xFF, 0xFF,
@@ -299,7 +301,8 @@ fn extended_position_mode_goes_round_and_round() {
 
 #[test]
 fn reverse_and_homing_change_how_the_shaft_is_seen() {
-    let mut client = Client::with(&BusConfig { servos: vec![at(1, 1000)], ..BusConfig::with_ids(&[]) });
+    let mut client =
+        Client::with(&DynamixelConfig { servos: vec![at(1, 1000)], ..DynamixelConfig::with_ids(&[]) });
     assert_eq!(client.write(1, HOMING_OFFSET, 24), 0);
     assert_eq!(client.read(1, PRESENT_POSITION), 1024);
     assert_eq!(client.write(1, HOMING_OFFSET, 2000), 0);
@@ -434,7 +437,9 @@ fn half_a_packet_is_forgotten_after_a_pause() {
 #[test]
 fn impossible_servos_are_refused() {
     let new = |servos: Vec<ServoConfig>| {
-        Bus::new(&BusConfig { servos, ..BusConfig::with_ids(&[]) }).err().map(|error| error.to_string())
+        DynamixelServos::new(&DynamixelConfig { servos, ..DynamixelConfig::with_ids(&[]) })
+            .err()
+            .map(|error| error.to_string())
     };
     assert_eq!(new(vec![ServoConfig::new(253)]), Some(ConfigError::Id(253).to_string()));
     assert_eq!(
@@ -484,15 +489,15 @@ fn no_bytes_stop_the_bus() {
 #[test]
 fn what_happens_from_outside_happens_at_its_time() {
     let mut client = Client::new(&[1, 2]);
-    let turn = |servo, position| Deed::Turn { servo, position };
-    for (at_us, deed) in [
+    let turn = |servo, position| Disturbance::Turn { servo, position };
+    for (at_us, disturbance) in [
         (1_000_000, turn(1, 1000)),
-        (2_000_000, Deed::Silence { servo: 2, seconds: 0.5 }),
-        (3_000_000, Deed::Cut { seconds: 0.1 }),
+        (2_000_000, Disturbance::Silence { servo: 2, seconds: 0.5 }),
+        (3_000_000, Disturbance::Cut { seconds: 0.1 }),
         (4_000_000, turn(1, 3000)),
-        (5_000_000, Deed::Restart { servo: 1 }),
+        (5_000_000, Disturbance::Restart { servo: 1 }),
     ] {
-        client.bus.schedule(at_us, deed).unwrap();
+        client.bus.schedule(at_us, disturbance).unwrap();
     }
     assert_eq!(client.bus.schedule(0, turn(3, 0)), Err(ConfigError::Absent(3)));
     let ids = |client: &mut Client| {

@@ -1,12 +1,11 @@
 //! What a board's pins do to hobby servos: a PCA9685 on its I2C bus, and PWM pins, and what pulses they give.
 
-use super::line::Instantly;
-use anyhow::{Result, anyhow};
+use crate::uart::ZeroDelay;
 use embedded_hal::pwm::{ErrorType as PwmErrorType, SetDutyCycle};
 use embedded_hal_async::i2c::{
     ErrorKind as I2cErrorKind, ErrorType as I2cErrorType, I2c, NoAcknowledgeSource, Operation,
 };
-use firmware::map::{BusKind, BusSpec};
+use servo_wire::bus::BusError;
 use servo_wire::pca9685::{CHANNELS, DEFAULT_ADDRESS, OSCILLATOR_HZ, Pca9685Bus};
 use servo_wire::pwm::{Calibration, Channel, PwmBus, PwmTiming};
 use std::cell::RefCell;
@@ -55,19 +54,16 @@ impl Pins {
         Some(Self { registers: *registers, tenths })
     }
 
-    /// The pulse that a servo gets, in microseconds, rounded; none where it gets none, or does not hang on pins.
+    /// The pulse on a PWM pin in microseconds, rounded; `None` where there is none, or no such pin.
     #[must_use]
-    pub fn pulse_us(&self, kind: BusKind, id: u8) -> Option<i32> {
-        let tenths = match kind {
-            BusKind::Pwm => self.tenths.get(usize::from(id)).copied(),
-            BusKind::Pca9685 => self.of_channel(usize::from(id)),
-            _ => None,
-        };
-        tenths.filter(|&tenths| tenths > 0).map(|tenths| ((tenths + 5) / 10) as i32)
+    pub fn pwm_us(&self, pin: u8) -> Option<i32> {
+        rounded_us(self.tenths.get(usize::from(pin)).copied()?)
     }
 
-    /// The pulse of a channel of the PCA9685, in tenths of a microsecond.
-    fn of_channel(&self, channel: usize) -> Option<u32> {
+    /// The pulse on a channel of the PCA9685 in microseconds, rounded; `None` where there is none, or no such channel.
+    #[must_use]
+    pub fn pca9685_us(&self, channel: u8) -> Option<i32> {
+        let channel = usize::from(channel);
         if channel >= CHANNELS || self.registers[MODE1] & SLEEP != 0 {
             return None;
         }
@@ -76,53 +72,56 @@ impl Pins {
         let (on, off) = (word(at), word(at + 2));
         let steps = u32::from((off & 0xFFF).wrapping_sub(on & 0xFFF) & 0xFFF);
         let step = u32::from(self.registers[PRESCALE]) + 1;
-        (off & FULL_OFF == 0).then(|| steps * step * 10 / (OSCILLATOR_HZ / 1_000_000))
+        if off & FULL_OFF != 0 {
+            return None;
+        }
+        rounded_us(steps * step * 10 / (OSCILLATOR_HZ / 1_000_000))
     }
 }
 
-/// A virtual board's pins, as its drivers share them.
-#[derive(Clone, Default)]
-pub struct Board(Rc<RefCell<Pins>>);
+/// Microseconds of so many tenths, rounded; `None` of 0.
+fn rounded_us(tenths: u32) -> Option<i32> {
+    (tenths > 0).then(|| ((tenths + 5) / 10) as i32)
+}
 
-impl Board {
+/// A virtual board with hobby servos: its drivers and those who look at its pins share it.
+#[derive(Clone, Default)]
+pub struct HobbyBoard(Rc<RefCell<Pins>>);
+
+impl HobbyBoard {
     /// The pins now.
     #[must_use]
     pub fn pins(&self) -> Pins {
         self.0.borrow().clone()
     }
 
-    /// The bus on the PCA9685.
+    /// The bus of the servos on the PCA9685.
     ///
     /// # Errors
     /// None that the chip's own oscillator has.
-    pub fn pca9685(&self) -> Result<Pca9685Bus<Chip, Instantly>> {
+    pub fn pca9685(&self) -> Result<Pca9685Bus<VirtualPca9685, ZeroDelay>, BusError> {
         let calibrations = [Calibration::WIDE; CHANNELS];
-        let chip = Chip(self.0.clone());
-        Pca9685Bus::at(chip, DEFAULT_ADDRESS, Instantly, OSCILLATOR_HZ, calibrations)
-            .map_err(|error| anyhow!("the PCA9685: {error}"))
+        let chip = VirtualPca9685(self.0.clone());
+        Pca9685Bus::at(chip, DEFAULT_ADDRESS, ZeroDelay, OSCILLATOR_HZ, calibrations)
     }
 
-    /// The bus on the PWM pins, where it gives so many pulses a second.
-    ///
-    /// # Errors
-    /// A sentence where that is too many, or too few.
-    pub fn pwm(&self, spec: BusSpec) -> Result<PwmBus<Pin, PWM_PINS>> {
-        let timing = PwmTiming::of(spec.baud)
-            .ok_or_else(|| anyhow!("PWM cannot give {} pulses a second", spec.baud))?;
-        let pin = |channel| Pin { board: self.0.clone(), channel, top: timing.top };
+    /// The bus of the servos on the PWM pins, with the pulses of this timing.
+    #[must_use]
+    pub fn pwm(&self, timing: PwmTiming) -> PwmBus<VirtualPwmPin, PWM_PINS> {
+        let pin = |channel| VirtualPwmPin { board: self.0.clone(), channel, top: timing.top };
         let channels = std::array::from_fn(|channel| Channel::new(pin(channel), Calibration::WIDE));
-        Ok(PwmBus::new(channels, timing.period_us))
+        PwmBus::new(channels, timing.period_us)
     }
 }
 
 /// The PCA9685 on an I2C bus.
-pub struct Chip(Rc<RefCell<Pins>>);
+pub struct VirtualPca9685(Rc<RefCell<Pins>>);
 
-impl I2cErrorType for Chip {
+impl I2cErrorType for VirtualPca9685 {
     type Error = I2cErrorKind;
 }
 
-impl I2c for Chip {
+impl I2c for VirtualPca9685 {
     async fn transaction(
         &mut self,
         address: u8,
@@ -159,17 +158,17 @@ impl I2c for Chip {
 }
 
 /// A PWM pin.
-pub struct Pin {
+pub struct VirtualPwmPin {
     board: Rc<RefCell<Pins>>,
     channel: usize,
     top: u16,
 }
 
-impl PwmErrorType for Pin {
+impl PwmErrorType for VirtualPwmPin {
     type Error = Infallible;
 }
 
-impl SetDutyCycle for Pin {
+impl SetDutyCycle for VirtualPwmPin {
     fn max_duty_cycle(&self) -> u16 {
         self.top
     }
@@ -183,30 +182,31 @@ impl SetDutyCycle for Pin {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ports::block_on;
+    use embassy_futures::block_on;
     use servo_wire::bus::{Goal, ServoBus};
 
     #[test]
     fn pulses_are_those_of_the_goals() {
-        let board = Board::default();
-        let spec = BusSpec { kind: BusKind::Pwm, baud: 50 };
-        let (mut pca, mut pwm) = (board.pca9685().unwrap(), board.pwm(spec).unwrap());
+        let board = HobbyBoard::default();
+        let (mut pca, mut pwm) = (board.pca9685().unwrap(), board.pwm(PwmTiming::of(50).unwrap()));
         let goals = [Goal { id: 7, position: 1501 }, Goal { id: 2, position: 500 }];
         for index in 0..2 {
             block_on(pca.set_torque(&[7, 2], index, true)).unwrap();
             block_on(pwm.set_torque(&[7, 2], index, true)).unwrap();
         }
-        assert_eq!(board.pins().pulse_us(BusKind::Pca9685, 7), None);
+        assert_eq!(board.pins().pca9685_us(7), None);
         block_on(pca.write_goals(&goals)).unwrap();
         block_on(pwm.write_goals(&goals)).unwrap();
         let pins = board.pins();
-        assert_eq!([7, 2, 3].map(|id| pins.pulse_us(BusKind::Pwm, id)), [Some(1501), Some(500), None]);
+        assert_eq!([7, 2, 3, 8].map(|pin| pins.pwm_us(pin)), [Some(1501), Some(500), None, None]);
         // A step is 4.88 µs: 308 and 102 of them are nearest.
-        assert_eq!([7, 2, 3].map(|id| pins.pulse_us(BusKind::Pca9685, id)), [Some(1503), Some(498), None]);
+        assert_eq!(
+            [7, 2, 3, 16].map(|channel| pins.pca9685_us(channel)),
+            [Some(1503), Some(498), None, None]
+        );
         let mut bytes = pins.registers.to_vec();
         bytes.extend(pins.tenths.iter().flat_map(|tenths| tenths.to_le_bytes()));
         assert_eq!(Pins::parse(&bytes), Some(pins));
         assert_eq!(Pins::parse(&bytes[1..]), None);
-        assert!(board.pwm(BusSpec { baud: 30, ..spec }).is_err());
     }
 }

@@ -3,10 +3,8 @@
 //! Sources: e-Manual, "AX-12A" and "MX-28" (protocol 1.0); Feetech, memory tables of "STS3215" and of the SCS series. What
 //! nothing here acts on (gains, torque limits, speeds) can be written and read, and has no effect.
 
-use firmware::map::BusKind;
-
 /// Registers that lie one behind the other: where, how many bytes each, what they are at first.
-pub(super) struct Register {
+pub(crate) struct Register {
     pub at: u8,
     pub len: u8,
     pub value: u16,
@@ -21,10 +19,21 @@ const fn rw(at: u8, len: u8, value: u16) -> Register {
     Register { at, len, value, writable: true }
 }
 
-/// A kind of servo.
-pub(super) struct Series {
-    /// Its model number unless a puppet says another one.
-    pub model: u16,
+/// Kinds of servos of which each has a protocol of its own in the frame of protocol 1.0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol1Family {
+    /// Dynamixel AX, and MX with protocol 1.0.
+    AxMx,
+    /// Feetech STS and SMS.
+    Sts,
+    /// Feetech SCS.
+    Scs,
+}
+
+/// A model of servo.
+pub(crate) struct Model {
+    /// Its model number unless a bus is told another one.
+    pub number: u16,
     /// Positions are 0 to this.
     pub most: i32,
     /// Positions a second at full speed.
@@ -84,8 +93,8 @@ const DYNAMIXEL: [Register; 27] = [
     rw(48, 2, 32),
 ];
 
-const AX: Series = Series {
-    model: 12,
+const AX: Model = Model {
+    number: 12,
     most: 1023,
     // 59 turns a minute at 12 V, 1024 in 300°.
     speed: 59.0 / 60.0 * 1024.0 * 1.2,
@@ -107,7 +116,7 @@ const AX: Series = Series {
 };
 
 /// 55 turns a minute at 12 V.
-const MX: Series = Series { model: 29, most: 4095, speed: 55.0 / 60.0 * 4096.0, ..AX };
+const MX: Model = Model { number: 29, most: 4095, speed: 55.0 / 60.0 * 4096.0, ..AX };
 
 const STS_TABLE: [Register; 24] = [
     ro(0, 1, 3),
@@ -136,8 +145,8 @@ const STS_TABLE: [Register; 24] = [
     ro(63, 7, 30),
 ];
 
-const STS: Series = Series {
-    model: 777,
+const STS: Model = Model {
+    number: 777,
     most: 4095,
     // 60° in 0.222 s at 6 V.
     speed: 4096.0 / 6.0 / 0.222,
@@ -159,18 +168,25 @@ const STS: Series = Series {
 };
 
 /// An SCS0009: 60° in 0.1 s at 6 V, 1024 in 300°.
-const SCS: Series =
-    Series { model: 1284, most: 1023, speed: 1024.0 / 5.0 / 0.1, big_endian: true, sync_read: false, ..STS };
+const SCS: Model =
+    Model { number: 1284, most: 1023, speed: 1024.0 / 5.0 / 0.1, big_endian: true, sync_read: false, ..STS };
 
-impl Series {
-    /// Those on a bus of this kind with this model number, where they are of a series of this file.
-    pub fn of(kind: BusKind, model: Option<u16>) -> Option<&'static Self> {
-        match (kind, model) {
-            (BusKind::Dynamixel1, Some(29 | 310 | 320 | 360)) => Some(&MX),
-            (BusKind::Dynamixel1, _) => Some(&AX),
-            (BusKind::Sts, _) => Some(&STS),
-            (BusKind::Scs, _) => Some(&SCS),
-            _ => None,
+impl Protocol1Family {
+    /// Highest position of a servo of this family with this model number: positions are 0 to this.
+    #[must_use]
+    pub const fn max_position(self, number: Option<u16>) -> i32 {
+        Model::of(self, number).most
+    }
+}
+
+impl Model {
+    /// The model of this family with this model number; without one, the usual model of the family.
+    pub const fn of(family: Protocol1Family, number: Option<u16>) -> &'static Self {
+        match (family, number) {
+            (Protocol1Family::AxMx, Some(29 | 310 | 320 | 360)) => &MX,
+            (Protocol1Family::AxMx, _) => &AX,
+            (Protocol1Family::Sts, _) => &STS,
+            (Protocol1Family::Scs, _) => &SCS,
         }
     }
 

@@ -5,32 +5,32 @@
 use servo_wire::dynamixel::table::{self, Register};
 
 /// Addresses `0..SIZE` can be read.
-pub(super) const SIZE: usize = 662;
+pub(crate) const SIZE: usize = 662;
 
 /// First firmware that has fast sync read is 45.
 const FIRMWARE_VERSION: i64 = 46;
 
 /// No-load speed at 12 V, 46 rev/min, in positions per second.
-pub(super) const MOTOR_SPEED: f64 = 46.0 / 60.0 * 4096.0;
+pub(crate) const MOTOR_SPEED: f64 = 46.0 / 60.0 * 4096.0;
 
 /// One unit of velocity, 0.229 rev/min, in positions per second.
-pub(super) const VELOCITY_UNIT: f64 = 0.229 / 60.0 * 4096.0;
+pub(crate) const VELOCITY_UNIT: f64 = 0.229 / 60.0 * 4096.0;
 
 /// One unit of acceleration, 214.577 rev/min^2, in positions per second squared.
-pub(super) const ACCELERATION_UNIT: f64 = 214.577 / 3600.0 * 4096.0;
+pub(crate) const ACCELERATION_UNIT: f64 = 214.577 / 3600.0 * 4096.0;
 
 /// Voltage at the servo, in 0.1 V.
-pub(super) const INPUT_VOLTAGE: i64 = 120;
+pub(crate) const INPUT_VOLTAGE: i64 = 120;
 
 /// Temperature of the servo in degrees Celsius.
-pub(super) const TEMPERATURE: i64 = 30;
+pub(crate) const TEMPERATURE: i64 = 30;
 
 /// Farthest goal in extended and current-based position mode: 256 turns.
-pub(super) const MULTI_TURN_LIMIT: i64 = 1_048_575;
+pub(crate) const MULTI_TURN_LIMIT: i64 = 1_048_575;
 
 /// One value of the control table.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Entry {
+pub(crate) struct Entry {
     pub register: Register,
     pub writable: bool,
     /// Value at the factory; RAM returns to it at every start.
@@ -113,7 +113,7 @@ const INDIRECT: [(u16, u16); 2] = [(168, 224), (578, 634)];
 const INDIRECT_COUNT: u16 = 28;
 
 /// All values of the table, in order of address within each kind.
-pub(super) fn entries() -> impl Iterator<Item = Entry> {
+pub(crate) fn entries() -> impl Iterator<Item = Entry> {
     let indirect = INDIRECT.into_iter().flat_map(|(addresses, data)| {
         (0..INDIRECT_COUNT).flat_map(move |i| {
             let address = Register { address: addresses + 2 * i, len: 2 };
@@ -125,12 +125,12 @@ pub(super) fn entries() -> impl Iterator<Item = Entry> {
 }
 
 /// The value whose first byte is at `address`.
-pub(super) fn entry_at(address: u16) -> Option<Entry> {
+pub(crate) fn entry_at(address: u16) -> Option<Entry> {
     entries().find(|entry| entry.register.address == address)
 }
 
 /// The register that says which address the indirect data at `address` stands for.
-pub(super) fn indirect_address(address: u16) -> Option<Register> {
+pub(crate) fn indirect_address(address: u16) -> Option<Register> {
     INDIRECT
         .into_iter()
         .find(|&(_, data)| (data..data + INDIRECT_COUNT).contains(&address))

@@ -3,20 +3,47 @@
 //! Clients time out within tens of milliseconds, so a thread blocks on reading and answers at once; the servos are
 //! simulated up to now whenever bytes arrive, which makes a clock of their own unnecessary.
 
-use super::{Event, Wire};
-use anyhow::Context;
+use crate::virtual_bus::{Event, VirtualBus};
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use thiserror::Error;
 
 /// Patience of a served bus in microseconds: operating systems and networks may cut a packet in two.
 pub const BYTE_GAP_US: u64 = 20_000;
 
+/// Why servos cannot be served.
+#[derive(Debug, Error)]
+pub enum ServeError {
+    /// The system gives no pseudo terminal.
+    #[error("cannot open a pseudo terminal")]
+    OpenPty(#[source] std::io::Error),
+    /// A pseudo terminal failed.
+    #[error("the pseudo terminal {} failed", path.display())]
+    Pty {
+        /// Where clients found it.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// An address is none, or is taken.
+    #[error("cannot listen on tcp:{address}")]
+    Listen {
+        /// The address.
+        address: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// No client can be accepted.
+    #[error("cannot accept a client")]
+    Accept(#[source] std::io::Error),
+}
+
 /// Servos that are served.
 pub struct Served {
-    /// What they hang on.
-    pub wire: Box<dyn Wire>,
+    /// The bus that they are on.
+    pub bus: Box<dyn VirtualBus>,
     /// Since when they have power.
     pub power_on: Instant,
     /// Is told of every goal position and every refusal.
@@ -26,8 +53,8 @@ pub struct Served {
 impl Served {
     /// Servos whose power comes on now, of whom nobody takes notes.
     #[must_use]
-    pub fn new(wire: Box<dyn Wire>) -> Self {
-        Self { wire, power_on: Instant::now(), tap: Box::new(|_| {}) }
+    pub fn new(bus: Box<dyn VirtualBus>) -> Self {
+        Self { bus, power_on: Instant::now(), tap: Box::new(|_| {}) }
     }
 }
 
@@ -36,7 +63,7 @@ impl Served {
 /// # Errors
 /// What reading or writing says.
 fn answer(served: &mut Served, line: &mut (impl Read + Write)) -> std::io::Result<()> {
-    let Served { wire, power_on, tap } = served;
+    let Served { bus, power_on, tap } = served;
     let mut bytes = [0; 4096];
     loop {
         let count = match line.read(&mut bytes) {
@@ -46,7 +73,7 @@ fn answer(served: &mut Served, line: &mut (impl Read + Write)) -> std::io::Resul
             Err(error) => return Err(error),
         };
         let now_us = u64::try_from(power_on.elapsed().as_micros()).unwrap_or(u64::MAX);
-        let reply = wire.receive(&bytes[..count], now_us, tap);
+        let reply = bus.receive(&bytes[..count], now_us, tap);
         line.write_all(&reply)?;
     }
 }
@@ -63,8 +90,8 @@ impl Pty {
     /// Opens a pseudo terminal in raw mode.
     ///
     /// # Errors
-    /// A sentence when the system has none.
-    pub fn open() -> anyhow::Result<Self> {
+    /// [`ServeError::OpenPty`] when the system has none.
+    pub fn open() -> Result<Self, ServeError> {
         use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
         use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
         let open = || -> Result<_, std::io::Error> {
@@ -80,7 +107,7 @@ impl Pty {
             rustix::fs::fcntl_setfl(&controller, flags | rustix::fs::OFlags::NONBLOCK)?;
             Ok(Self { controller: Controller { controller: controller.into(), port }, path })
         };
-        open().context("cannot open a pseudo terminal; --listen tcp:127.0.0.1:0 does without")
+        open().map_err(ServeError::OpenPty)
     }
 
     /// Where clients find the serial port.
@@ -101,10 +128,10 @@ impl Pty {
     /// Answers clients for ever.
     ///
     /// # Errors
-    /// A sentence when the pseudo terminal fails.
-    pub fn serve(&mut self, mut served: Served) -> anyhow::Result<()> {
+    /// [`ServeError::Pty`] when the pseudo terminal fails.
+    pub fn serve(&mut self, mut served: Served) -> Result<(), ServeError> {
         answer(&mut served, &mut self.controller)
-            .with_context(|| format!("the pseudo terminal {} failed", self.path.display()))
+            .map_err(|source| ServeError::Pty { path: self.path.clone(), source })
     }
 }
 
@@ -171,9 +198,10 @@ impl Tcp {
     /// Listens on `address` (`host:port`; port 0 is any free one).
     ///
     /// # Errors
-    /// A sentence when the address is none or taken.
-    pub fn bind(address: &str) -> anyhow::Result<Self> {
-        Ok(Self(TcpListener::bind(address).with_context(|| format!("cannot listen on tcp:{address}"))?))
+    /// [`ServeError::Listen`] when the address is none or taken.
+    pub fn bind(address: &str) -> Result<Self, ServeError> {
+        let listener = TcpListener::bind(address);
+        listener.map(Self).map_err(|source| ServeError::Listen { address: address.to_owned(), source })
     }
 
     /// The address that clients connect to.
@@ -184,16 +212,21 @@ impl Tcp {
         self.0.local_addr()
     }
 
-    /// Answers one client after the other for ever; the servos stay as the last one left them.
+    /// Answers one client after the other for ever; the servos stay as the last one left them. `gone` is told of each
+    /// client whose connection failed, and why.
     ///
     /// # Errors
-    /// A sentence when no client can be accepted; a client that fails only ends itself.
-    pub fn serve(&mut self, mut served: Served) -> anyhow::Result<()> {
+    /// [`ServeError::Accept`] when no client can be accepted; a client that fails only ends itself.
+    pub fn serve(
+        &mut self,
+        mut served: Served,
+        mut gone: impl FnMut(SocketAddr, std::io::Error),
+    ) -> Result<(), ServeError> {
         loop {
-            let (mut client, address) = self.0.accept().context("cannot accept a client")?;
+            let (mut client, address) = self.0.accept().map_err(ServeError::Accept)?;
             let ended = client.set_nodelay(true).and_then(|()| answer(&mut served, &mut client));
             if let Err(error) = ended {
-                eprintln!("bunraku: the client {address} is gone: {error}");
+                gone(address, error);
             }
         }
     }
@@ -202,7 +235,7 @@ impl Tcp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::servos::{Bus, BusConfig};
+    use crate::dynamixel_bus::{DynamixelConfig, DynamixelServos};
     use std::net::TcpStream;
     use std::time::Duration;
 
@@ -210,8 +243,8 @@ mod tests {
     const PONG: usize = 14;
 
     fn bus() -> Served {
-        let config = BusConfig { byte_gap_us: BYTE_GAP_US, ..BusConfig::with_ids(&[1]) };
-        Served::new(Box::new(Bus::new(&config).unwrap()))
+        let config = DynamixelConfig { byte_gap_us: BYTE_GAP_US, ..DynamixelConfig::with_ids(&[1]) };
+        Served::new(Box::new(DynamixelServos::new(&config).unwrap()))
     }
 
     fn ping(line: &mut (impl Read + Write)) {
@@ -225,7 +258,7 @@ mod tests {
     fn tcp_serves_one_client_after_the_other() {
         let mut tcp = Tcp::bind("127.0.0.1:0").unwrap();
         let address = tcp.address().unwrap();
-        std::thread::spawn(move || tcp.serve(bus()));
+        std::thread::spawn(move || tcp.serve(bus(), |_, _| ()));
         for _ in 0..3 {
             let mut client = TcpStream::connect(address).unwrap();
             client.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
@@ -235,7 +268,7 @@ mod tests {
 
     #[test]
     fn an_address_that_is_none_is_named() {
-        let error = format!("{:#}", Tcp::bind("nowhere").err().unwrap());
+        let error = Tcp::bind("nowhere").err().unwrap().to_string();
         assert!(error.contains("tcp:nowhere"), "{error}");
     }
 

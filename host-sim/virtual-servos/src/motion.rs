@@ -9,7 +9,7 @@ const STEP: f64 = 0.001;
 /// What the motor is told to do. Velocities in positions per second, accelerations in positions per second squared;
 /// an infinite acceleration is `f64::INFINITY`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Drive {
+pub(crate) enum Drive {
     /// Torque off.
     Free,
     /// Move to `goal` no faster than `speed`.
@@ -20,7 +20,7 @@ pub(super) enum Drive {
 
 /// Kind of profile; the values are those of Moving Status, bits 4 and 5.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Profile {
+pub(crate) enum Profile {
     Step = 0x00,
     Rectangular = 0x10,
     Triangular = 0x20,
@@ -29,7 +29,7 @@ pub(super) enum Profile {
 
 /// Position and velocity of the shaft.
 #[derive(Debug, Clone)]
-pub(super) struct Motion {
+pub(crate) struct Motion {
     pub position: f64,
     pub velocity: f64,
     pub drive: Drive,

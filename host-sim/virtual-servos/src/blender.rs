@@ -1,7 +1,7 @@
 //! What the live frames of Blender Servo Animation go to: a board with the add-on's Arduino library, without its servos.
 
-use super::bus::{ConfigError, Event, Wire};
-use super::crowd::Deed;
+use crate::config::ConfigError;
+use crate::virtual_bus::{Disturbance, Event, VirtualBus};
 use servo_wire::blender::Parser;
 
 /// Takes frames, and answers nothing, as such a board does. Frames with other ids than its servos' are ignored.
@@ -18,7 +18,7 @@ impl BlenderSink {
     }
 }
 
-impl Wire for BlenderSink {
+impl VirtualBus for BlenderSink {
     fn receive(&mut self, bytes: &[u8], time_us: u64, tap: &mut dyn FnMut(Event)) -> Vec<u8> {
         let Self { ids, parser } = self;
         let goals = bytes.iter().filter_map(|&byte| parser.feed(byte)).filter(|goal| ids.contains(&goal.id));
@@ -27,8 +27,8 @@ impl Wire for BlenderSink {
     }
 
     /// Nothing can be seen of what happens to its servos.
-    fn schedule(&mut self, _: u64, deed: Deed) -> Result<(), ConfigError> {
-        deed.servo().map_or(Ok(()), |servo| Err(ConfigError::Absent(servo)))
+    fn schedule(&mut self, _: u64, disturbance: Disturbance) -> Result<(), ConfigError> {
+        disturbance.servo().map_or(Ok(()), |servo| Err(ConfigError::Absent(servo)))
     }
 }
 
