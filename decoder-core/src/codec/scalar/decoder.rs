@@ -94,7 +94,6 @@ impl<'a, 's> ScalarDecoder<'a, 's> {
     pub fn choose<C: Choose>(&mut self, choose: &mut C, entry: bool) -> &[I16F16] {
         if entry {
             self.restart();
-            self.stage.restart(self.channels.states.iter_mut().map(|state| &mut state.context), 0);
             if self.has_entry_values {
                 let keep = self.codec.keeps_values();
                 let values = |channel, shift, bits| choose.entry(channel, shift, bits);
@@ -149,14 +148,16 @@ impl<'a, 's> ScalarDecoder<'a, 's> {
             });
             position = reader.position();
         }
-        let contexts = self.channels.states.iter_mut().map(|state| &mut state.context);
-        self.position = within(self.stage.restart(contexts, position), codes)?;
+        self.position = within(self.stage.codes_from(position), codes)?;
         Some(())
     }
 
-    /// Sets all but the values of channels and the stage to what it is at an entry point.
+    /// Sets all but the values of channels to what it is at an entry point. A function of its own, which takes no registers from
+    /// the loop over the values.
+    #[inline(never)]
     fn restart(&mut self) {
-        let Self { channels: Channels { pose, states }, words, halves, clock, codec, .. } = self;
+        let Self { channels: Channels { pose, states }, words, halves, clock, codec, stage, .. } = self;
+        stage.restart(states.iter_mut().map(|state| &mut state.context));
         clock.frame = 0;
         // The first frame is to have row 0.
         clock.row = clock.rows;
