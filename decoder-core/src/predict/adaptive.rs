@@ -104,7 +104,8 @@ impl Correlation<'_> {
         // Products are at most 2^24 in magnitude, so sums are at most 2^30 + 2^24.
         let decayed = |word: u32, product: i32| {
             let sum = word.cast_signed();
-            sum.wrapping_sub(sum.wrapping_shr(window)).wrapping_add(product).cast_unsigned()
+            // In this order, the sum may be shifted in its register.
+            sum.wrapping_add(product).wrapping_sub(sum.wrapping_shr(window)).cast_unsigned()
         };
         let movements = pair([movement, newest]).cast_unsigned();
         *self.0 = [movements, decayed(r0, p0), decayed(r1, p1), decayed(r2, p2)];
