@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn fields_are_what_a_reader_takes() {
-        let mut random = Random(14);
+        let mut random = Random::new(14);
         check::<4>(&mut random);
         check::<5>(&mut random);
         check::<6>(&mut random);

@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn coefficients_solve_the_normal_equations() {
-        let mut random = Random(6);
+        let mut random = Random::new(6);
         for _ in 0..times(100_000, 300) {
             // Of a stable filter, so that the bounds do not matter.
             let k = [0; 2].map(|_| (random.below(1800) as f64 - 900.0) / 1000.0);
@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn coefficients_are_stable_for_any_sums() {
-        let mut random = Random(7);
+        let mut random = Random::new(7);
         for _ in 0..times(1_000_000, 500) {
             let any = |random: &mut Random| random.next() as i32 >> (2 + random.below(30));
             let sums = [any(&mut random).abs(), any(&mut random), any(&mut random)];
@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn sums_stay_in_range_for_any_movement() {
-        let mut random = Random(8);
+        let mut random = Random::new(8);
         for window in 1..=u32::from(MAX_WINDOW) {
             let mut words = [0; CORRELATION_WORDS];
             for step in 0..times(20_000, 80) {

@@ -185,7 +185,7 @@ mod tests {
         for (seed, layout) in
             testing::layouts().into_iter().filter(testing::affordable).step_by(times(1, 6)).enumerate()
         {
-            let bytes = testing::clip(layout, &[3, 1, 5], &mut Random(seed as u64));
+            let bytes = testing::clip(layout, &[3, 1, 5], &mut Random::new(seed as u64));
             let clip = Clip::parse(&bytes, Limits::MAX).unwrap();
             let expected = testing::reference(&bytes);
             assert_eq!(clip.frames() as usize, expected.len());
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn seeking_gives_the_frame_that_playing_gives() {
-        let mut random = Random(9);
+        let mut random = Random::new(9);
         let layout = testing::layouts()[30];
         let bytes = testing::clip(layout, &[7, 4, 9], &mut random);
         let expected = testing::reference(&bytes);
