@@ -1,5 +1,6 @@
 //! What a decoder says about bytes that it will not play.
 
+use crate::ids::Feature;
 use core::fmt;
 use serde::{Deserialize, Serialize};
 
@@ -15,71 +16,6 @@ pub struct Limits {
 impl Limits {
     /// What the formats can express.
     pub const MAX: Self = Self { channels: u16::MAX, frames: u32::MAX };
-}
-
-/// A feature of this crate: a part of the decoder of .mclip that may be left out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum Feature {
-    /// pcm.
-    Pcm,
-    /// mulaw.
-    MuLaw,
-    /// dpcm.
-    Dpcm,
-    /// adpcm whose steps adapt.
-    AdaptiveStep,
-    /// adpcm whose predictor adapts.
-    AdaptivePredictor,
-    /// qmd in a .mclip.
-    Lookup,
-    /// Codes of fixed width.
-    FixedWidth,
-    /// Static Huffman codes.
-    Huffman,
-    /// Adaptive Huffman codes.
-    AdaptiveHuffman,
-}
-
-impl Feature {
-    /// Its name in Cargo.toml.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Pcm => "pcm",
-            Self::MuLaw => "mulaw",
-            Self::Dpcm => "dpcm",
-            Self::AdaptiveStep => "adaptive-step",
-            Self::AdaptivePredictor => "adaptive-predictor",
-            Self::Lookup => "lookup",
-            Self::FixedWidth => "fixed-width",
-            Self::Huffman => "huffman",
-            Self::AdaptiveHuffman => "adaptive-huffman",
-        }
-    }
-
-    /// Whether it was linked.
-    pub const fn is_linked(self) -> bool {
-        match self {
-            Self::Pcm => cfg!(feature = "pcm"),
-            Self::MuLaw => cfg!(feature = "mulaw"),
-            Self::Dpcm => cfg!(feature = "dpcm"),
-            Self::AdaptiveStep => cfg!(feature = "adaptive-step"),
-            Self::AdaptivePredictor => cfg!(feature = "adaptive-predictor"),
-            Self::Lookup => cfg!(feature = "lookup"),
-            Self::FixedWidth => cfg!(feature = "fixed-width"),
-            Self::Huffman => cfg!(feature = "huffman"),
-            Self::AdaptiveHuffman => cfg!(feature = "adaptive-huffman"),
-        }
-    }
-
-    /// Says whether it was linked.
-    ///
-    /// # Errors
-    /// [`Error::NotLinked`].
-    pub const fn check(self) -> Result<(), Error> {
-        if self.is_linked() { Ok(()) } else { Err(Error::NotLinked { feature: self }) }
-    }
 }
 
 /// A field of a file, as an error names it.
@@ -153,8 +89,10 @@ pub enum Field {
     Payload,
     /// Memory for the state of channels.
     States,
-    /// Memory for adaptive predictors.
-    Correlations,
+    /// Memory of 32-bit words.
+    Words,
+    /// Memory of 16-bit words.
+    Halves,
 }
 
 impl Field {
@@ -194,7 +132,8 @@ impl Field {
             Self::Entry => "entry flag of the first block",
             Self::Payload => "block's codes",
             Self::States => "channels' states",
-            Self::Correlations => "adaptive predictors",
+            Self::Words => "codec's 32-bit words",
+            Self::Halves => "codec's and entropy stage's 16-bit words",
         }
     }
 }
@@ -315,9 +254,18 @@ impl fmt::Display for Error {
 
 impl core::error::Error for Error {}
 
+/// Checks a number that was read in the structure at byte `at`.
+pub(crate) const fn check(field: Field, at: usize, found: u32, low: u32, high: u32) -> Result<(), Error> {
+    if found < low || found > high {
+        return Err(Error::Malformed { field, at, found, low, high });
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ids::EntropyId;
     use std::string::ToString;
 
     #[test]
@@ -334,7 +282,7 @@ mod tests {
             ),
             (Error::Encoding { field, at: 7 }, "byte 7: the hierarchy level cannot be read"),
             (
-                Error::NotLinked { feature: Feature::Huffman },
+                Error::NotLinked { feature: Feature::Entropy(EntropyId::Huffman) },
                 "the clip needs the feature huffman, which this decoder was built without",
             ),
             (
@@ -367,7 +315,7 @@ mod tests {
         assert!(names.iter().all(|name| name.len() > 3));
     }
 
-    const FIELDS: [Field; 30] = [
+    const FIELDS: [Field; 31] = [
         Field::Frames,
         Field::Channels,
         Field::Rate,
@@ -397,6 +345,7 @@ mod tests {
         Field::Entry,
         Field::Payload,
         Field::States,
-        Field::Correlations,
+        Field::Words,
+        Field::Halves,
     ];
 }

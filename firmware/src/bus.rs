@@ -2,12 +2,14 @@
 
 use crate::map::{BusKind, JointMap, MAX_BUSES};
 use core::fmt;
-use servo_wire::both::Both;
-use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
+use heapless::Vec;
+use servo_wire::bus::ServoBus;
+use servo_wire::impl_servo_bus;
+use servo_wire::joined::JoinedBuses;
 
-/// What a board has, each at most once.
+/// The buses that a board has, each at most once.
 #[derive(Debug)]
-pub struct Parts<S, I, P> {
+pub struct BoardBuses<S, I, P> {
     /// A bus on a serial line, and what it speaks.
     pub serial: Option<(BusKind, S)>,
     /// A PCA9685.
@@ -16,101 +18,53 @@ pub struct Parts<S, I, P> {
     pub pwm: Option<P>,
 }
 
-/// One of a puppet's buses.
+/// One of the buses that a board has.
 #[derive(Debug)]
-pub enum Part<S, I, P> {
+pub enum BoardBus<S, I, P> {
     /// On a serial line.
     Serial(S),
     /// A PCA9685.
     Pca9685(I),
     /// PWM pins.
     Pwm(P),
-    /// No bus, with no servos.
-    None,
 }
 
-/// The buses of a puppet as one, in the order of its map.
-pub type Mixed<S, I, P> = Both<Both<Part<S, I, P>, Part<S, I, P>>, Both<Part<S, I, P>, Part<S, I, P>>>;
+impl_servo_bus!([S: ServoBus, I: ServoBus, P: ServoBus] BoardBus<S, I, P> { Serial, Pca9685, Pwm });
 
-/// A board does not have this bus of the puppet, or not once more.
+/// The buses of a puppet on a board, in the order of the puppet's map.
+pub type PuppetBus<S, I, P> = JoinedBuses<BoardBus<S, I, P>, MAX_BUSES>;
+
+/// A puppet has a bus that its board does not have, or does not have once more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct NoBus(pub BusKind);
+pub struct MissingBus(pub BusKind);
 
-impl fmt::Display for NoBus {
+impl fmt::Display for MissingBus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "the board has no bus of the kind {:?}, or not another one", self.0)
     }
 }
 
-impl core::error::Error for NoBus {}
+impl core::error::Error for MissingBus {}
 
-/// Takes the buses of `map` out of what there is.
-///
-/// # Errors
-/// [`NoBus`] for the first bus that is not there.
-pub fn mixed<S, I, P, const N: usize>(
-    map: &JointMap<N>,
-    parts: Parts<S, I, P>,
-) -> Result<Mixed<S, I, P>, NoBus>
-where
-    Part<S, I, P>: ServoBus,
-{
-    let Parts { mut serial, mut pca9685, mut pwm } = parts;
-    let mut found: [Part<S, I, P>; MAX_BUSES] = [Part::None, Part::None, Part::None, Part::None];
-    for (slot, bus) in found.iter_mut().zip(map.buses()) {
-        let part = match bus.kind {
-            BusKind::Pca9685 => pca9685.take().map(Part::Pca9685),
-            BusKind::Pwm => pwm.take().map(Part::Pwm),
-            kind => serial.take_if(|(there, _)| *there == kind).map(|(_, bus)| Part::Serial(bus)),
-        };
-        *slot = part.ok_or(NoBus(bus.kind))?;
-    }
-    let [first, second, third, fourth] = found;
-    let count = |bus: u8| map.on_bus(bus).len();
-    let (one, other) = (Both::new(first, second, count(0)), Both::new(third, fourth, count(2)));
-    Ok(Both::new(one, other, count(0) + count(1)))
-}
-
-/// Calls the bus that there is; `$absent` where there is none.
-macro_rules! served {
-    ($self:expr, $bus:ident => $call:expr, $absent:expr) => {
-        match $self {
-            Part::Serial($bus) => $call,
-            Part::Pca9685($bus) => $call,
-            Part::Pwm($bus) => $call,
-            Part::None => $absent,
+impl<S: ServoBus, I: ServoBus, P: ServoBus> BoardBuses<S, I, P> {
+    /// The buses that a map has, as one.
+    ///
+    /// # Errors
+    /// [`MissingBus`] for the first bus that is not there.
+    pub fn of_map<const N: usize>(self, map: &JointMap<N>) -> Result<PuppetBus<S, I, P>, MissingBus> {
+        let Self { mut serial, mut pca9685, mut pwm } = self;
+        let mut buses = Vec::new();
+        for (index, bus) in (0..).zip(map.buses()) {
+            let found = match bus.kind {
+                BusKind::Pca9685 => pca9685.take().map(BoardBus::Pca9685),
+                BusKind::Pwm => pwm.take().map(BoardBus::Pwm),
+                kind => serial.take_if(|(there, _)| *there == kind).map(|(_, bus)| BoardBus::Serial(bus)),
+            };
+            // A map has no more buses than there is room for.
+            let _ = buses.push((found.ok_or(MissingBus(bus.kind))?, map.on_bus(index).len()));
         }
-    };
-}
-
-impl<S: ServoBus, I: ServoBus, P: ServoBus> ServoBus for Part<S, I, P> {
-    fn reads(&self, index: usize) -> bool {
-        served!(self, bus => bus.reads(index), false)
-    }
-
-    async fn ping(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
-        served!(self, bus => bus.ping(ids, index).await, Err(BusError::TooMany))
-    }
-
-    async fn set_torque(&mut self, ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
-        served!(self, bus => bus.set_torque(ids, index, on).await, Err(BusError::TooMany))
-    }
-
-    async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
-        served!(self, bus => bus.write_goals(goals).await, Ok(()))
-    }
-
-    async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
-        served!(self, bus => bus.read_all(ids, readings).await, Ok(()))
-    }
-
-    async fn reboot(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
-        served!(self, bus => bus.reboot(ids, index).await, Err(BusError::TooMany))
-    }
-
-    async fn set_watchdog(&mut self, ids: &[u8], millis: u16) -> Result<(), BusError> {
-        served!(self, bus => bus.set_watchdog(ids, millis).await, Err(BusError::Unsupported))
+        Ok(JoinedBuses::new(buses))
     }
 }
 
@@ -120,10 +74,11 @@ mod tests {
     use crate::map::{BusSpec, Idle, Joint, Settings};
     use decoder_core::I16F16;
     use embassy_futures::block_on;
+    use servo_wire::bus::{BusError, Goal};
 
     /// Keeps the goals that it was written last.
     #[derive(Debug, Default)]
-    struct Log(Vec<(u8, i32)>);
+    struct Log(std::vec::Vec<(u8, i32)>);
 
     impl ServoBus for Log {
         async fn ping(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
@@ -157,8 +112,8 @@ mod tests {
         JointMap::new(Settings::new(50), buses, joints).unwrap()
     }
 
-    fn parts() -> Parts<Log, Log, Log> {
-        Parts {
+    fn board() -> BoardBuses<Log, Log, Log> {
+        BoardBuses {
             serial: Some((BusKind::Sts, Log::default())),
             pca9685: Some(Log::default()),
             pwm: Some(Log::default()),
@@ -168,13 +123,16 @@ mod tests {
     #[test]
     fn each_bus_gets_the_servos_that_the_map_has_on_it() {
         let map = map(&[BusKind::Pwm, BusKind::Sts, BusKind::Pca9685]);
-        let mut bus = mixed(&map, parts()).unwrap();
-        let goals: Vec<Goal> =
+        let mut bus = board().of_map(&map).unwrap();
+        let goals: std::vec::Vec<Goal> =
             map.joints().iter().zip(10..).map(|(joint, position)| Goal { id: joint.id, position }).collect();
         block_on(bus.write_goals(&goals)).unwrap();
-        let (one, other) = bus.into_parts();
-        let (Part::Pwm(pwm), Part::Serial(serial)) = one.into_parts() else { panic!("another order") };
-        let (Part::Pca9685(pca), Part::None) = other.into_parts() else { panic!("another order") };
+        let buses = bus.into_buses();
+        let [(BoardBus::Pwm(pwm), 2), (BoardBus::Serial(serial), 2), (BoardBus::Pca9685(pca), 2)] =
+            &buses[..]
+        else {
+            panic!("another order: {buses:?}")
+        };
         assert_eq!(pwm.0, [(3, 10), (5, 11)]);
         assert_eq!(serial.0, [(3, 12), (6, 13)]);
         assert_eq!(pca.0, [(3, 14), (7, 15)]);
@@ -187,7 +145,7 @@ mod tests {
             (&[BusKind::Pwm, BusKind::Sts, BusKind::Pwm], BusKind::Pwm),
             (&[BusKind::Sts, BusKind::Blender], BusKind::Blender),
         ] {
-            assert_eq!(mixed(&map(kinds), parts()).err(), Some(NoBus(missing)));
+            assert_eq!(board().of_map(&map(kinds)).err(), Some(MissingBus(missing)));
         }
     }
 }

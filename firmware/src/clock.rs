@@ -1,14 +1,12 @@
 //! From the clip's rate to the servos' tick, in integers, without drift.
 
 use crate::interpolate::Fraction;
-use serde::{Deserialize, Serialize};
 
 /// Most ticks per second. A servo bus does not carry more.
 pub const MAX_TICK_HZ: u16 = 1000;
 
 /// How fast a clip is played, in 1/256 of its own speed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(from = "u16", into = "u16")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Speed(u16);
 

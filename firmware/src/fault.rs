@@ -7,14 +7,13 @@ use crate::map::Settings;
 use core::fmt;
 use decoder_core::Error;
 use heapless::Vec;
-use serde::{Deserialize, Serialize};
 use servo_wire::bus::{
     BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE,
     ERROR_WATCHDOG, Reading,
 };
 
 /// A fault. Servos are numbered as in the joint map, from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Fault {

@@ -21,6 +21,7 @@ pub mod link;
 pub mod machine;
 pub mod map;
 pub mod mixer;
+pub mod numbered;
 pub mod play_error;
 pub mod playback;
 pub mod script;

@@ -2,10 +2,9 @@
 
 use core::fmt;
 use decoder_core::Error;
-use serde::{Deserialize, Serialize};
 
 /// Why a clip cannot be played by a map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum PlayError {
@@ -20,7 +19,7 @@ pub enum PlayError {
         /// The channel.
         channel: u16,
         /// Channels of the clip.
-        channels: usize,
+        channels: u32,
     },
     /// The clip is damaged.
     Clip(Error),
@@ -36,7 +35,7 @@ pub enum PlayError {
     /// The clip is one of another skeleton, or of other channels of it.
     Channels {
         /// Channels of the clip.
-        found: usize,
+        found: u32,
         /// Those that the map was made for.
         expected: u16,
     },

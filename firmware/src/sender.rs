@@ -35,12 +35,13 @@ pub struct StreamMemory {
     header: [u8; STREAM_BYTES],
     block: [u8; DATA_BYTES],
     poses: [[I16F16; CHANNELS]; 4],
-    decoder: Workspace<CHANNELS, CHANNELS, WORDS>,
+    decoder: Workspace<CHANNELS, { 4 * CHANNELS }, WORDS>,
     pose: [I16F16; CHANNELS],
 }
 
 /// Its parts: those of the stream, of its decoder, and a frame's.
-pub type StreamParts<'s> = (Memory<'s>, &'s mut Workspace<CHANNELS, CHANNELS, WORDS>, &'s mut [I16F16]);
+pub type StreamParts<'s> =
+    (Memory<'s>, &'s mut Workspace<CHANNELS, { 4 * CHANNELS }, WORDS>, &'s mut [I16F16]);
 
 impl StreamMemory {
     /// Memory.

@@ -5,6 +5,7 @@ use firmware::clock::Speed;
 use firmware::link::frame::{Deframer, OVERHEAD, wire_len, write};
 use firmware::link::message::{ANSWER_BYTES, Answer, REQUEST_BYTES, Refusal, Request, Response, VERSION};
 use firmware::link::session::Session;
+use firmware::link::wire::{Raw, decode_all};
 use firmware::machine::Command;
 use firmware::store::StoreError;
 
@@ -32,9 +33,11 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let frames =
         |requests: &[Request<'_>]| (0..).zip(requests).flat_map(|(n, request)| frame(n, request)).collect();
     let message = |request: &Request<'_>| {
-        let mut buffer = [0; REQUEST_BYTES];
-        let message = postcard::to_slice(request, &mut buffer).unwrap_or_else(|error| panic!("{error}"));
-        [&[message.len().min(255) as u8], &*message].concat()
+        let bytes = frame(0, request);
+        let mut deframer = Deframer::<{ REQUEST_BYTES + OVERHEAD }>::new();
+        let read = deframer.feed(&mut bytes.as_slice()).and_then(Result::ok);
+        let message = read.map_or(&[][..], |frame| frame.message);
+        [&[message.len().min(255) as u8], message].concat()
     };
     let short = requests.iter().filter(|request| !matches!(request, Request::Packet { .. }));
     vec![frames(&requests), frames(&requests[..6]), short.flat_map(message).collect()]
@@ -69,18 +72,6 @@ pub fn check(bytes: &[u8]) -> bool {
     !whole.0.is_empty() || sealed.0.len() > 1
 }
 
-/// Bytes as they are.
-struct Raw<'a>(&'a [u8]);
-
-impl serde::Serialize for Raw<'_> {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        use serde::ser::SerializeTuple;
-        let mut tuple = serializer.serialize_tuple(self.0.len())?;
-        self.0.iter().try_for_each(|byte| tuple.serialize_element(byte))?;
-        tuple.end()
-    }
-}
-
 /// What a session asks for and answers.
 fn serve(chunks: &[&[u8]]) -> (Vec<String>, Vec<String>) {
     let (mut session, mut reply) = (Session::new(), Deframer::<{ ANSWER_BYTES + OVERHEAD }>::new());
@@ -103,8 +94,7 @@ fn serve(chunks: &[&[u8]]) -> (Vec<String>, Vec<String>) {
             let mut outgoing = outgoing.as_slice();
             while let Some(frame) = reply.feed(&mut outgoing) {
                 let frame = frame.unwrap_or_else(|error| panic!("{error}"));
-                let answer: Answer =
-                    postcard::from_bytes(frame.message).unwrap_or_else(|error| panic!("{error}"));
+                let answer: Answer = decode_all(frame.message).unwrap_or_else(|| panic!("an answer is none"));
                 answers.push(format!("{} {answer:?}", frame.sequence));
             }
         }
@@ -120,6 +110,6 @@ fn again(request: &Request<'_>) {
     let mut rest = bytes.as_slice();
     let read = deframer.feed(&mut rest).map(|frame| frame.unwrap_or_else(|error| panic!("{error}")));
     let message = read.map_or(&[][..], |frame| frame.message);
-    let read: Request<'_> = postcard::from_bytes(message).unwrap_or_else(|error| panic!("{error}"));
+    let read: Request<'_> = decode_all(message).unwrap_or_else(|| panic!("a request is none"));
     assert_eq!(&read, request);
 }

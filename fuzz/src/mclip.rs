@@ -2,10 +2,10 @@
 
 use crate::{Random, vectors};
 use decoder_core::mclip::{
-    BLOCK_HEADER_BYTES, Clip, Decoder, Header, Memory, Needs, Prefix, Receiver, State, Stream, checksum,
+    BLOCK_HEADER_BYTES, Blocks, Clip, Decoder, Header, Prefix, Receiver, Stream, checksum,
 };
-use decoder_core::predict::Correlation;
 use decoder_core::{Error, I16F16, Limits};
+use encoder::memory::OwnedMemory;
 
 /// More than any vector has.
 const LIMITS: Limits = Limits { channels: 300, frames: 20_000 };
@@ -49,8 +49,8 @@ fn check_as_it_is(bytes: &[u8]) -> bool {
             return false;
         }
     };
-    let mut lent = Lent::new(clip.header().needs());
-    let mut decoder = match clip.decoder(lent.memory()) {
+    let mut memory = OwnedMemory::new(clip.header().needs());
+    let mut decoder = match clip.decoder(memory.lend()) {
         Ok(decoder) => decoder,
         Err(error) => {
             assert_eq!(end, Err(error));
@@ -102,9 +102,9 @@ fn streamed(bytes: &[u8], random: &mut Random) -> (Vec<Frame>, Result<(), Error>
             }
         }
         let header = receiver.finish(LIMITS)?;
-        let mut lent = Lent::new(header.needs());
+        let mut memory = OwnedMemory::new(header.needs());
         let mut block = block_buffer(&header);
-        let mut stream = Stream::new(header, lent.memory(), &mut block)?;
+        let mut stream = Stream::new(header, memory.lend(), &mut block)?;
         loop {
             while let Some(pose) = stream.next_frame(&mut chunk)? {
                 frames.push(words(pose));
@@ -124,10 +124,11 @@ fn streamed(bytes: &[u8], random: &mut Random) -> (Vec<Frame>, Result<(), Error>
 /// number.
 fn with_losses(bytes: &[u8], frames: &[Frame], random: &mut Random) {
     let Ok(header) = Header::parse(bytes, LIMITS) else { return };
-    let blocks = blocks(bytes);
-    let mut lent = Lent::new(header.needs());
+    let start = Prefix::read(bytes).map_or(bytes.len(), |prefix| prefix.header_bytes);
+    let blocks: Vec<usize> = Blocks::new(header, bytes, start, 0).flatten().map(|block| block.at).collect();
+    let mut memory = OwnedMemory::new(header.needs());
     let mut block = block_buffer(&header);
-    let Ok(mut stream) = Stream::new(header, lent.memory(), &mut block) else { return };
+    let Ok(mut stream) = Stream::new(header, memory.lend(), &mut block) else { return };
     let mut at = blocks.first().copied().unwrap_or(bytes.len());
     for _ in 0..3 {
         let end = at + random.below(bytes.len() - at);
@@ -164,17 +165,6 @@ fn feed(
     Ok(())
 }
 
-/// Where the headers of a clip's blocks are.
-fn blocks(bytes: &[u8]) -> Vec<usize> {
-    let mut at = Prefix::read(bytes).map_or(bytes.len(), |prefix| prefix.header_bytes);
-    let mut blocks = Vec::new();
-    while let Some(&[low, high]) = bytes.get(at..at + 2).and_then(|length| length.first_chunk()) {
-        blocks.push(at);
-        at += BLOCK_HEADER_BYTES + usize::from(u16::from_le_bytes([low, high]));
-    }
-    blocks
-}
-
 /// Puts right checksums over whatever is there, as far as lengths make sense.
 pub fn repair(bytes: &mut [u8]) {
     let Ok(Prefix { header_bytes }) = Prefix::read(bytes) else { return };
@@ -189,30 +179,6 @@ pub fn repair(bytes: &mut [u8]) {
         let Some((codes, after)) = after.split_at_mut_checked(length.into()) else { return };
         sum.copy_from_slice(&checksum(covered, codes).to_le_bytes());
         rest = after;
-    }
-}
-
-/// Memory for a decoder.
-struct Lent {
-    pose: Vec<I16F16>,
-    states: Vec<State>,
-    correlations: Vec<Correlation>,
-    words: Vec<u16>,
-}
-
-impl Lent {
-    fn new(needs: Needs) -> Self {
-        Self {
-            pose: vec![I16F16::ZERO; needs.channels],
-            states: vec![State::EMPTY; needs.channels],
-            correlations: vec![Correlation::EMPTY; needs.correlations],
-            words: vec![0; needs.words],
-        }
-    }
-
-    fn memory(&mut self) -> Memory<'_> {
-        let Self { pose, states, correlations, words } = self;
-        Memory { pose, states, correlations, words }
     }
 }
 

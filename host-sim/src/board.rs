@@ -1,14 +1,13 @@
 //! The boards that this workspace has firmware for, and their images with a clip and a joint map in them.
 
 use crate::image::Image;
-use crate::ports;
 use crate::profile::elf::Memory;
-use crate::puppet::{self, Map};
-use crate::servos::pins::PWM_PINS;
 use anyhow::{Result, anyhow, bail};
 use firmware::map::BusKind;
+use puppet_file::{Map, to_bytes};
 use serde::Serialize;
-use servo_wire::pwm::Timing;
+use servo_wire::pwm::PwmTiming;
+use virtual_servos::hobby::PWM_PINS;
 
 /// QEMU's name of the board `qemu-mps2`.
 pub const QEMU_MACHINE: &str = "mps2-an386";
@@ -124,10 +123,7 @@ impl Board {
             features: "",
             targets: &[self.target],
             folder: "play",
-            files: &[
-                ("BUNRAKU_CLIP", "clip", clip),
-                ("BUNRAKU_MAP", "map.postcard", &puppet::to_bytes(map)?),
-            ],
+            files: &[("BUNRAKU_CLIP", "clip", clip), ("BUNRAKU_MAP", "map.postcard", &to_bytes(map))],
             variables: &[("BUNRAKU_CENTIHERTZ", &centihertz.to_string()), ("DEFMT_LOG", "info")],
         };
         Ok(image.build()?.concat())
@@ -139,7 +135,7 @@ impl Board {
     /// A sentence about the first bus or servo that does not.
     fn has_buses_of(&self, map: &Map) -> Result<()> {
         for (index, bus) in map.buses().iter().enumerate() {
-            let (kind, has) = (ports::name(bus.kind), self.buses.iter().map(|kind| ports::name(*kind)));
+            let (kind, has) = (bus.kind.name(), self.buses.iter().map(|kind| kind.name()));
             if !self.buses.contains(&bus.kind) {
                 bail!(
                     "this board has no bus of the kind \"{kind}\", only {}",
@@ -155,7 +151,7 @@ impl Board {
             if bus.kind != BusKind::Pwm {
                 continue;
             }
-            if Timing::of(bus.baud).is_none() {
+            if PwmTiming::of(bus.baud).is_none() {
                 bail!("this board gives 40 to 400 pulses a second on PWM pins, and `baud` is {}", bus.baud);
             }
             let joints = map.joints().iter().filter(|joint| usize::from(joint.bus) == index);
@@ -277,7 +273,7 @@ mod tests {
                      max_speed = 100\n"
                 );
             }
-            let puppet = puppet::Puppet::parse(std::path::Path::new("puppet.toml"), text).unwrap();
+            let puppet = puppet_file::Puppet::parse(std::path::Path::new("puppet.toml"), text).unwrap();
             puppet.map(&mocap::sample::clip().skeleton).unwrap()
         };
         let refused = |board: &Board, buses: &[(&str, u32)], id| {

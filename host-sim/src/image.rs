@@ -37,6 +37,15 @@ impl Image<'_> {
     /// # Errors
     /// A sentence that says what is missing: the source, cargo, a target, or what cargo could not build.
     pub fn build(&self) -> Result<Vec<Vec<u8>>> {
+        Ok(self.build_all(&[self.binary])?.concat())
+    }
+
+    /// Builds several binaries of the package at once, which is quicker than one after the other: for each its ELF files,
+    /// in the order of the targets.
+    ///
+    /// # Errors
+    /// As [`Image::build`].
+    pub fn build_all(&self, binaries: &[&str]) -> Result<Vec<Vec<Vec<u8>>>> {
         let workspace = workspace(self.source)?;
         require_targets(self.targets)?;
         let folder = target_folder(workspace)?.join(self.folder);
@@ -49,7 +58,8 @@ impl Image<'_> {
         let mut command = Command::new(cargo());
         command
             .args(["build", "--quiet", "--no-default-features"])
-            .args(["--package", self.package, "--bin", self.binary, "--features", self.features])
+            .args(["--package", self.package, "--features", self.features])
+            .args(binaries.iter().flat_map(|binary| ["--bin", binary]))
             .args(["--profile", PROFILE, "--target-dir"])
             .arg(&folder);
         for target in self.targets {
@@ -69,26 +79,36 @@ impl Image<'_> {
             .status()
             .context("cannot start cargo, which builds the image")?;
         if !status.success() {
-            bail!("cargo could not build {} of {} ({status})", self.binary, self.package);
+            bail!("cargo could not build {} of {} ({status})", binaries.join(", "), self.package);
         }
-        let built = |target: &&str| files::read(&folder.join(target).join(PROFILE).join(self.binary));
-        self.targets.iter().map(built).collect()
+        let built = |binary: &&str| {
+            let of = |target: &&str| files::read(&folder.join(target).join(PROFILE).join(binary));
+            self.targets.iter().map(of).collect()
+        };
+        binaries.iter().map(built).collect()
     }
 }
 
 /// Runs a program of this workspace that is built for this machine when it is needed: `bytes` go in, what comes out is
-/// returned.
+/// returned. It is built in `folder` of cargo's target folder, with the profile of images: what images there need to be
+/// built, it need not build again.
 ///
 /// # Errors
 /// A sentence that says what is missing, or that the program failed; what it said goes to standard error.
-pub fn run(package: &str, source: &str, arguments: &[&str], bytes: &[u8]) -> Result<Vec<u8>> {
+pub fn run_tool(
+    package: &str,
+    source: &str,
+    folder: &str,
+    arguments: &[&str],
+    bytes: &[u8],
+) -> Result<Vec<u8>> {
     let workspace = workspace(source)?;
     // A file and not a pipe: a program that fails before it has read all would end us.
     let mut input = tempfile::tempfile().context("cannot create a temporary file")?;
     input.write_all(bytes).and_then(|()| input.rewind()).context("cannot write a temporary file")?;
     let output = Command::new(cargo())
-        .args(["run", "--quiet", "--package", package, "--target-dir"])
-        .arg(target_folder(workspace)?.join("tools"))
+        .args(["run", "--quiet", "--package", package, "--profile", PROFILE, "--target-dir"])
+        .arg(target_folder(workspace)?.join(folder))
         .arg("--")
         .args(arguments)
         .current_dir(workspace)

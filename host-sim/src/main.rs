@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 /// Fits recorded human motion to a puppet, compresses it, and plays it on servos.
 #[derive(Parser)]
-#[command(version, arg_required_else_help = true)]
+#[command(name = "bunraku", version, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -82,5 +82,46 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Rd(args) => commands::rd::run(args),
         Command::Train(args) => commands::train::run(args),
         Command::Wearable(args) => commands::wearable::run(args),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    /// What a command's help lacks, and those of its subcommands. An example of a command holds for its subcommands too.
+    fn lacks(command: &clap::Command, name: &str, has_example: bool, found: &mut Vec<String>) {
+        let after = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        let has_example = has_example || after.contains("Example");
+        if command.get_subcommands().next().is_none() && !has_example {
+            found.push(format!("{name} has no example"));
+        }
+        let about = command.get_about().map(ToString::to_string).unwrap_or_default();
+        if about.is_empty() {
+            found.push(format!("{name} does not say what it does"));
+        }
+        for argument in command.get_arguments() {
+            if argument.get_help().is_none() {
+                found.push(format!("{name} does not say what {} is", argument.get_id()));
+            }
+        }
+        for child in command.get_subcommands() {
+            lacks(child, &format!("{name} {}", child.get_name()), has_example, found);
+        }
+    }
+
+    #[test]
+    fn every_command_says_what_it_does_with_an_example() {
+        let command = Cli::command();
+        command.clone().debug_assert();
+        let mut found = Vec::new();
+        lacks(&command, "bunraku", false, &mut found);
+        assert!(found.is_empty(), "{found:#?}");
+    }
+
+    #[test]
+    fn the_version_names_the_command() {
+        assert_eq!(Cli::command().render_version(), format!("bunraku {}\n", env!("CARGO_PKG_VERSION")));
     }
 }

@@ -4,14 +4,11 @@
 use crate::board;
 use crate::clip::Clip;
 use crate::files;
-use crate::puppet::Map;
 use crate::qemu;
 use crate::qemu_log::Log;
 use crate::rp2040js;
-use crate::servos::line::{Instantly, Line};
-use crate::servos::pins::Board;
 use anyhow::{Context, Result, anyhow, bail};
-use firmware::bus::{Parts, mixed};
+use firmware::bus::BoardBuses;
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::decoder_list::SingleClip;
 use firmware::fault::Feedback;
@@ -20,59 +17,26 @@ use firmware::library::Library;
 use firmware::machine::{Machine as Puppet, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::playback::Playback;
+use puppet_file::Map;
 use servo_wire::bus::ServoBus;
 use servo_wire::dynamixel::bus::DynamixelBus;
-use servo_wire::dynamixel::client::Client;
-use servo_wire::port::{Automatic, Line as Timing, Port};
+use servo_wire::dynamixel::client::DynamixelClient;
+use servo_wire::port::{Automatic, LineConfig, Port};
+use servo_wire::pwm::PwmTiming;
 use std::cell::RefCell;
 use std::future::Future;
-use std::io;
 use std::pin::pin;
 use std::task::{Context as TaskContext, Poll, Waker};
 use std::time::Duration;
 use thumb_cycles::{Core, Image, Machine, Usage};
+use virtual_servos::hobby::HobbyBoard;
+use virtual_servos::uart::{InProcessUart, ZeroDelay};
 
 mod recorder;
+mod recording;
 
 pub(crate) use recorder::Recorder;
-
-/// A goal position that a servo took.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Taken {
-    /// The tick's time in microseconds: its number times the tick's period, rounded down.
-    pub time_us: u64,
-    /// The servo.
-    pub id: u8,
-    /// The goal position.
-    pub position: i32,
-}
-
-/// What the servos were told, in order.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Recording {
-    /// Ticks played.
-    pub ticks: u32,
-    /// Every goal of every servo.
-    pub goals: Vec<Taken>,
-    /// Where each servo was as each tick's goals came, in the order of the joint map.
-    pub present: Vec<Vec<i32>>,
-    /// Instructions that servos refused.
-    pub refused: u32,
-}
-
-impl Recording {
-    /// Writes the log: a header, then time in seconds, servo id and goal position, a line a goal.
-    ///
-    /// # Errors
-    /// Those of `file`.
-    pub fn write_csv(&self, file: &mut dyn io::Write) -> io::Result<()> {
-        writeln!(file, "time_s,servo,goal_position")?;
-        for Taken { time_us, id, position } in &self.goals {
-            writeln!(file, "{},{id},{position}", seconds(*time_us))?;
-        }
-        Ok(())
-    }
-}
+pub use recording::{Recording, Taken, seconds};
 
 /// Plays on this machine, as fast as it goes.
 ///
@@ -110,7 +74,7 @@ pub(crate) fn on_the_spot<'m, L: Library, S: Surroundings<L, MAX_SERVOS>>(
     surroundings: &mut S,
 ) -> Result<Recorder<'m>> {
     let recorder = RefCell::new(recorder);
-    let (board, hear) = (Board::default(), |bytes: &[u8]| recorder.borrow_mut().receive(bytes));
+    let (board, hear) = (HobbyBoard::default(), |bytes: &[u8]| recorder.borrow_mut().receive(bytes));
     let mut bus = virtual_bus(puppet.map(), &board, hear)?;
     let end_tick = || recorder.borrow_mut().end_tick(&board.pins());
     now(control_loop(puppet, &mut bus, &mut Noting { surroundings, end_tick }))?;
@@ -121,19 +85,24 @@ pub(crate) fn on_the_spot<'m, L: Library, S: Surroundings<L, MAX_SERVOS>>(
 /// The buses of a puppet in this program: Dynamixel X behind a line that `hear` answers, and hobby servos on a board's pins.
 pub fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
     map: &Map,
-    board: &Board,
+    board: &HobbyBoard,
     hear: F,
 ) -> Result<impl ServoBus + use<F>> {
     let of = |kind: BusKind| map.buses().iter().find(|bus| bus.kind == kind);
     let baud = of(BusKind::Dynamixel).map_or(1, |bus| bus.baud);
-    let port = Port::new(Line::new(hear), Automatic, Instantly, Timing::uart(baud));
-    let serial = DynamixelBus::<_, _, _>::new(Client::new(port));
-    let parts = Parts {
+    let port = Port::new(InProcessUart::new(hear), Automatic, ZeroDelay, LineConfig::uart(baud));
+    let serial = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
+    let buses = BoardBuses {
         serial: Some((BusKind::Dynamixel, serial)),
         pca9685: Some(board.pca9685()?),
-        pwm: of(BusKind::Pwm).map(|spec| board.pwm(*spec)).transpose()?,
+        pwm: of(BusKind::Pwm).map(|spec| pwm_timing(spec.baud)).transpose()?.map(|timing| board.pwm(timing)),
     };
-    Ok(mixed(map, parts)?)
+    Ok(buses.of_map(map)?)
+}
+
+/// The timing of pins that give so many pulses a second.
+fn pwm_timing(hz: u32) -> Result<PwmTiming> {
+    PwmTiming::of(hz).with_context(|| format!("PWM cannot give {hz} pulses a second, expected 40 to 400"))
 }
 
 /// Surroundings, and somebody who looks at the end of each tick.
@@ -192,7 +161,7 @@ pub fn on_qemu(
     let mut recorder = Recorder::new(map)?;
     let image = qemu::Image { path: &path, machine: board::QEMU_MACHINE, arguments: &[] };
     let mut device = |bytes: &[u8]| recorder.receive(bytes);
-    qemu::run(&image, Some(&mut device), limit(clip.frames(), rate(clip, centihertz)), log)?;
+    qemu::run_image(&image, Some(&mut device), limit(clip.frames(), rate(clip, centihertz)), log)?;
     recorder.finish()
 }
 
@@ -268,16 +237,11 @@ fn now<T>(future: impl Future<Output = T>) -> Result<T> {
     }
 }
 
-/// Microseconds as seconds, with all six decimals.
-pub fn seconds(micros: u64) -> String {
-    format!("{}.{:06}", micros / 1_000_000, micros % 1_000_000)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::puppet::Puppet;
     use encoder::qmd::{Method, Parameters, decode, encode};
+    use puppet_file::Puppet;
     use std::path::Path;
 
     fn sample() -> (Vec<u8>, Map, mocap::Clip) {
@@ -340,10 +304,5 @@ mod tests {
         assert!(recorder.receive(&[0xff, 0xff, 0xfd, 0x00, 0xfe]).is_empty());
         let error = recorder.finish().unwrap_err();
         assert!(error.to_string().contains("cut"), "{error}");
-    }
-
-    #[test]
-    fn times_have_six_decimals() {
-        assert_eq!([0, 16_666, 61_000_001].map(seconds), ["0.000000", "0.016666", "61.000001"]);
     }
 }

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{bunraku, motion, require_program, require_target, workspace};
-use encoder::mclip::{Encoder, Quality, Settings};
+use encoder::mclip::{Encoder, Encoding, Quality};
 use host_sim::show::{self, Program, Summary};
 use mocap::{Motion, sample};
 use serde_json::Value;
@@ -83,8 +83,8 @@ fn write_show(folder: &Path, events: &str) -> PathBuf {
         }
         let encoder = Encoder::new(&clip.skeleton, &motion).unwrap();
         // Ten entry points a second, for what is streamed.
-        let settings = Settings { entry_frames: 6, block_bytes: 400, ..Settings::new(codec) };
-        fs::write(folder.join(name), encoder.encode(&settings, Quality::Bits(8))).unwrap();
+        let encoding = Encoding { entry_frames: 6, block_bytes: 400, ..Encoding::new(codec) };
+        fs::write(folder.join(name), encoder.encode(&encoding, Quality::Bits(8)).unwrap()).unwrap();
     }
     let show = folder.join("show.toml");
     let text = format!(
@@ -103,7 +103,7 @@ fn run(show: &Path, on: &str) -> (Value, String) {
     let output = command.output().unwrap();
     assert!(output.status.success(), "{on}: {}", String::from_utf8_lossy(&output.stderr));
     let page = fs::read_to_string(&page).unwrap();
-    assert!(page.starts_with("<!doctype html>") && page.ends_with("</html>\n"));
+    assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>\n"));
     assert!(!page.contains("NaN") && !page.contains("inf\""), "{on}: the page has numbers that are none");
     assert!(!page.contains("src=") && !page.contains("href="), "{on}: the page needs something else");
     (serde_json::from_slice(&output.stdout).unwrap(), fs::read_to_string(&log).unwrap())

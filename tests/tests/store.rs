@@ -12,7 +12,7 @@ const SECTOR: usize = 1024;
 type Small = Flash<SECTOR>;
 
 /// What decoders of all golden vectors need.
-const CAPACITY: Needs = Needs { channels: 512, correlations: 512, words: 16384 };
+const CAPACITY: Needs = Needs { channels: 512, words: 2048, halves: 16384 };
 
 /// Two sectors of directory, apart from each other, and twenty-four of clips.
 fn layout() -> Layout {
@@ -288,9 +288,9 @@ fn what_is_wrong_with_an_upload_is_said_and_changes_nothing() {
     drop(store);
     assert_eq!(contents(&mut flash), old);
     let needs = Clip::parse(&sound, Limits::MAX).unwrap().header().needs();
-    let small = Needs { words: needs.words - 1, ..needs };
+    let small = Needs { halves: needs.halves - 1, ..needs };
     let mut store = Store::mount(&mut flash, layout(), small).unwrap();
-    let error = Error::OutputTooSmall { field: Field::CodeTables, needed: needs.words, lent: small.words };
+    let error = Error::OutputTooSmall { field: Field::Halves, needed: needs.halves, lent: small.halves };
     assert_eq!(upload(&mut store, 5, &sound), Err(StoreError::Clip(error)));
 }
 

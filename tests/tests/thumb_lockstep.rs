@@ -3,9 +3,8 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, require_program, require_target, vectors, workspace};
-use host_sim::puppet::Puppet;
-use host_sim::servos::{Bus, BusConfig};
 use host_sim::{board, qemu};
+use puppet_file::Puppet;
 use std::fs;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -14,6 +13,8 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 use thumb_cycles::{Board, Core, Image, Machine, Stop};
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::virtual_bus::VirtualBus;
 
 /// More than any of these takes, in cycles and in time.
 const CYCLES: u64 = 10_000_000_000;
@@ -244,7 +245,7 @@ fn the_board_sends_the_same_bytes_as_in_qemu() {
     // Servos that answer alike, whatever the time: it stands still for them.
     let servos = || {
         let ids: Vec<u8> = map.joints().iter().map(|joint| joint.id).collect();
-        Bus::new(&BusConfig::with_ids(&ids)).unwrap()
+        DynamixelServos::new(&DynamixelConfig::with_ids(&ids)).unwrap()
     };
     let (mut theirs, mut their_servos) = (Vec::new(), servos());
     let image = qemu::Image { path: &path, machine: board::QEMU_MACHINE, arguments: &[] };
@@ -252,7 +253,7 @@ fn the_board_sends_the_same_bytes_as_in_qemu() {
         theirs.extend_from_slice(bytes);
         their_servos.receive(bytes, 0, &mut |_| {})
     };
-    qemu::run(&image, Some(&mut device), TIME, &mut |_| {}).unwrap();
+    qemu::run_image(&image, Some(&mut device), TIME, &mut |_| {}).unwrap();
 
     let image = Image::parse(&elf).unwrap();
     let mut machine = Machine::new(Core::M4, &Board::mps2(), &image).unwrap();

@@ -6,9 +6,9 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, require_program, require_target, vectors, workspace};
-use host_sim::puppet::{Puppet, to_bytes};
 use host_sim::{board, profile};
 use object::{Object, ObjectSection, ObjectSymbol, SectionKind};
+use puppet_file::{Puppet, to_bytes};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::fs;
@@ -552,10 +552,11 @@ fn images(core: Core) -> Vec<Vec<u8>> {
     if core.arch() != Arch::V6M {
         images.push(test("in-place"));
     }
-    for lent in [false, true] {
-        images.extend(profile::images(&clip, &[target], lent).unwrap());
-        images.extend(profile::tick_images(&clip, &to_bytes(&map).unwrap(), &[target], lent).unwrap());
-    }
+    let profiled = [
+        profile::images(&clip, &[target], true).unwrap(),
+        profile::tick_images(&clip, &to_bytes(&map), &[target], true).unwrap(),
+    ];
+    images.extend(profiled.into_iter().flatten().map(|image| image.elf));
     if core == Core::M4 {
         images.push(board::QEMU_MPS2.build(&clip, &map, 0).unwrap());
     }

@@ -1,13 +1,19 @@
-//! One stream that tamp's decompressor, C code, unpacks a frame at a time.
+//! Plays int16 frames that tamp's decompressor, C code, unpacks one at a time from one stream.
+#![no_std]
+#![no_main]
 
-use crate::FRAME;
+#[path = "../../../tests/profile-image/src/ends.rs"]
+mod ends;
+#[path = "../../../tests/profile-image/src/loaded.rs"]
+mod loaded;
+mod player;
+
 use core::ptr;
+use player::{FRAME, WINDOW_BITS};
 use tamp_sys::{
     TampConf, TampDecompressor, tamp_decompressor_decompress_cb, tamp_decompressor_init,
     tamp_decompressor_read_header,
 };
-
-include!(concat!(env!("OUT_DIR"), "/window.rs"));
 
 /// Bytes of the window.
 const WINDOW_BYTES: usize = 1 << WINDOW_BITS;
@@ -15,7 +21,7 @@ const WINDOW_BYTES: usize = 1 << WINDOW_BITS;
 /// What was unpacked last. Not in `Store`, which is moved: the decompressor keeps a pointer to it.
 static mut WINDOW: [u8; WINDOW_BYTES] = [0; WINDOW_BYTES];
 
-pub struct Store {
+struct Store {
     rest: &'static [u8],
     frame: [u8; FRAME],
     decompressor: TampDecompressor,
@@ -23,7 +29,7 @@ pub struct Store {
 
 impl Store {
     /// May be called once.
-    pub fn new(bytes: &'static [u8]) -> Option<Self> {
+    fn new(bytes: &'static [u8]) -> Option<Self> {
         // SAFETY: plain C structures, for which zeros are values.
         let (mut decompressor, mut conf): (TampDecompressor, TampConf) = unsafe { core::mem::zeroed() };
         let mut consumed = 0;
@@ -41,7 +47,7 @@ impl Store {
         (result == 0).then_some(Self { rest, frame: [0; FRAME], decompressor })
     }
 
-    pub fn frame(&mut self) -> Option<&[u8]> {
+    fn frame(&mut self) -> Option<&[u8]> {
         let (mut written, mut consumed) = (0, 0);
         // SAFETY: all pointers are to memory of the lengths that are given.
         let result = unsafe {

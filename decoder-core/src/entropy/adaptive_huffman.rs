@@ -7,9 +7,11 @@
 //! Bounds: `2^bits` symbols take [`AdaptiveHuffman::words`] 16-bit words. Counting stops when the root weighs
 //! [`MAX_WEIGHT`], so no code is longer than 21 bits. An update looks at each node at most once for each level.
 
-use super::SymbolSource;
+use super::stage::{FrameLoops, Stage};
+use super::symbols::SymbolSource;
 use crate::arithmetic::signed;
 use crate::bits::BitReader;
+use crate::error::{Error, Field, check};
 
 /// Weight of the root at which counting stops.
 pub const MAX_WEIGHT: u16 = 1 << 15;
@@ -177,6 +179,37 @@ fn set(words: &mut [u16], index: u16, value: u16) {
     }
 }
 
+impl<'s> Stage<'s> for AdaptiveHuffman<'s> {
+    fn check(tables: &[u8], at: usize) -> Result<u8, Error> {
+        let &[bits] = tables else { return Err(Error::Encoding { field: Field::CodeTables, at }) };
+        check(Field::CodeTables, at, bits.into(), 1, MAX_BITS.into())?;
+        Ok(1)
+    }
+
+    fn halves(tables: &[u8]) -> usize {
+        if let &[bits] = tables { Self::words(bits) } else { 0 }
+    }
+
+    fn open(tables: &[u8], at: usize, halves: &'s mut [u16]) -> Result<Self, Error> {
+        let bits = tables.first().copied().unwrap_or(0);
+        Self::new(bits, halves).ok_or(Error::Encoding { field: Field::CodeTables, at })
+    }
+
+    fn context(&self, _: u8, _: u8) -> u8 {
+        0
+    }
+
+    #[inline(always)]
+    fn restart<'c>(&mut self, _: impl Iterator<Item = &'c mut u8>) {
+        self.reset();
+    }
+
+    #[inline(always)]
+    fn feed<L: FrameLoops>(&mut self, loops: L) -> Option<usize> {
+        loops.by_symbols(self)
+    }
+}
+
 impl SymbolSource for &mut AdaptiveHuffman<'_> {
     #[inline(always)]
     fn code(&mut self, bits: &mut BitReader<'_>, width: u8, _: &mut u8) -> i32 {
@@ -239,7 +272,7 @@ mod tests {
 
     #[test]
     fn it_is_a_huffman_code_of_the_counts_at_any_time() {
-        let mut random = Random(10);
+        let mut random = Random::new(10);
         for bits in 1..=times(MAX_BITS.into(), 3) as u8 {
             let mut memory = memory(bits);
             let mut tree = AdaptiveHuffman::new(bits, &mut memory).unwrap();
@@ -260,7 +293,7 @@ mod tests {
 
     #[test]
     fn codes_decode_to_their_symbols() {
-        let mut random = Random(11);
+        let mut random = Random::new(11);
         let (mut ours, mut theirs) = (memory(5), memory(5));
         let mut encoder = AdaptiveHuffman::new(5, &mut ours).unwrap();
         let mut decoder = AdaptiveHuffman::new(5, &mut theirs).unwrap();
@@ -306,7 +339,7 @@ mod tests {
             (1..a).for_each(|_| tree.count(symbol));
             (a, b) = (b, a + b);
         }
-        let mut lengths = std::vec::Vec::from_iter((0..16).map(|symbol| tree.code(symbol).1));
+        let mut lengths = Vec::from_iter((0..16).map(|symbol| tree.code(symbol).1));
         lengths.sort_unstable();
         assert_eq!(lengths[13..], [14, 15, 15]);
         // So a code of n bits takes a root of the (n + 2)th Fibonacci number.
@@ -327,7 +360,7 @@ mod tests {
     #[test]
     #[cfg_attr(miri, ignore = "equal weights of nodes that are not there are looked at one by one: minutes")]
     fn a_tree_of_noise_does_not_hang_in_counting() {
-        let mut random = Random(12);
+        let mut random = Random::new(12);
         for _ in 0..300 {
             let mut memory: Vec<u16> = (0..AdaptiveHuffman::words(3)).map(|_| random.next() as u16).collect();
             let mut tree = AdaptiveHuffman::resume(3, &mut memory).unwrap();

@@ -13,9 +13,11 @@
 //!
 //! So classes follow a movement that begins at once, and one that ends slowly.
 
-use super::SymbolSource;
+use super::stage::{FrameLoops, Stage};
+use super::symbols::SymbolSource;
 use crate::arithmetic::signed;
 use crate::bits::BitReader;
+use crate::error::{Error, Field};
 use core::hint::cold_path;
 
 /// Largest |c| of each level but the last.
@@ -240,6 +242,40 @@ fn fill(
     Err(TableError::Incomplete { at, filled: filled as u32, entries: entries as u32 })
 }
 
+impl<'s> Stage<'s> for Huffman<'s> {
+    fn check(tables: &[u8], at: usize) -> Result<u8, Error> {
+        let none = Error::Encoding { field: Field::CodeTables, at };
+        Shape::read(tables).map(|shape| shape.groups).map_err(|_| none)
+    }
+
+    fn halves(tables: &[u8]) -> usize {
+        Shape::read(tables).map_or(0, Shape::words)
+    }
+
+    fn open(tables: &[u8], at: usize, halves: &'s mut [u16]) -> Result<Self, Error> {
+        Self::build(tables, halves).map_err(|error| match error {
+            TableError::Range { found, low, high, .. } => {
+                Error::Malformed { field: Field::CodeTables, at, found, low, high }
+            }
+            _ => Error::Encoding { field: Field::CodeTables, at },
+        })
+    }
+
+    fn context(&self, group: u8, bits: u8) -> u8 {
+        if bits == 0 { NO_TABLE } else { self.shape.first_table(group) }
+    }
+
+    #[inline(always)]
+    fn restart<'c>(&mut self, contexts: impl Iterator<Item = &'c mut u8>) {
+        contexts.for_each(|context| *context = self.shape.first_of(*context));
+    }
+
+    #[inline(always)]
+    fn feed<L: FrameLoops>(&mut self, loops: L) -> Option<usize> {
+        loops.by_symbols(*self)
+    }
+}
+
 impl SymbolSource for Huffman<'_> {
     /// `context` is the number of the table that the code is read with.
     #[inline(always)]
@@ -311,7 +347,7 @@ mod tests {
 
     #[test]
     fn every_window_of_sixteen_bits_of_every_table() {
-        let mut random = Random(9);
+        let mut random = Random::new(9);
         for (most, n) in [(1, 2), (4, 9), (8, 2), (8, 40), (8, 100), (8, 255)] {
             let tables: Vec<Vec<u8>> = (0..3).map(|_| lengths(&mut random, n, most)).collect();
             let bytes = describe(1, 3, &tables);
@@ -336,7 +372,7 @@ mod tests {
     /// From every table, after every code: what the entries say is what the rule says.
     #[test]
     fn entries_lead_to_the_next_table() {
-        let mut random = Random(10);
+        let mut random = Random::new(10);
         for (classes, groups) in [(8, 1), (4, 2), (3, 2), (1, 8), (1, 1)] {
             let count = usize::from(classes * groups);
             let tables: Vec<Vec<u8>> = (0..count).map(|_| lengths(&mut random, 60, 8)).collect();

@@ -1,8 +1,8 @@
 //! A block: the unit of transport and integrity.
 
-use super::engine::Engine;
-use super::header::{Header, check, checksum};
-use crate::error::{Error, Field};
+use super::fields::checksum;
+use super::header::Header;
+use crate::error::{Error, Field, check};
 
 /// Bytes of a block before its codes.
 pub const BLOCK_HEADER_BYTES: usize = 12;
@@ -45,8 +45,8 @@ impl BlockHeader {
         [l0, l1, n0, n1, f0, f1, f2, f3]
     }
 
-    /// Its bytes.
-    pub fn bytes(&self) -> [u8; BLOCK_HEADER_BYTES] {
+    /// Its bytes, as [`read`](Self::read) reads them.
+    pub fn emit(&self) -> [u8; BLOCK_HEADER_BYTES] {
         let [l0, l1, n0, n1, f0, f1, f2, f3] = self.covered();
         let [c0, c1, c2, c3] = self.checksum.to_le_bytes();
         [l0, l1, n0, n1, f0, f1, f2, f3, c0, c1, c2, c3]
@@ -72,7 +72,7 @@ impl BlockHeader {
             entry: flagged & ENTRY != 0,
             checksum: u32::from_le_bytes([c0, c1, c2, c3]),
         };
-        let most = clip.opening().block_bytes;
+        let most = clip.fields().block_bytes;
         check(Field::BlockLength, at, block.length.into(), 0, most.into())?;
         let last = clip.frames().saturating_sub(1);
         let (low, high) = expected.map_or((0, last), |frame| (frame, frame.min(last)));
@@ -99,94 +99,115 @@ impl BlockHeader {
     }
 }
 
-/// A position in the codes of a block.
+/// A block in place.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cursor {
-    /// Number of the frame that comes next.
-    pub frame: u32,
-    /// Frames before this one need no more than to be decoded: they are neither an entry point nor the block's last one.
-    plain: u32,
-    /// Bits read.
-    position: usize,
-    /// Frames of the block and of those before it.
-    end: u32,
-    /// Where the block's header is in the clip.
-    at: usize,
-    /// Whether the next frame is the first one of an entry point.
-    entry: bool,
+pub struct Block<'a> {
+    /// What its header says.
+    pub header: BlockHeader,
+    /// Where its header is in the clip.
+    pub at: usize,
+    /// Its codes, which were not checked: see [`BlockHeader::verify`].
+    pub codes: &'a [u8],
 }
 
-impl Cursor {
-    /// Before the first frame of a block, whose header is at byte `at`.
-    pub const fn new(block: BlockHeader, at: usize) -> Self {
-        let end = block.first_frame.saturating_add(block.frames as u32);
-        let plain = if block.entry { 0 } else { end.saturating_sub(1) };
-        Self { frame: block.first_frame, plain, position: 0, end, at, entry: block.entry }
-    }
-
-    /// In no block; `frame` comes next.
-    pub const fn outside(frame: u32) -> Self {
-        Self { frame, plain: 0, position: 0, end: frame, at: 0, entry: false }
-    }
-
-    /// Decodes the next frame where it is one of those that need no more; whether it was.
+impl<'a> Block<'a> {
+    /// The block whose header is at byte `at` of a clip's `bytes`. `expected` is the number of the frame that comes next, or
+    /// `None` where any may.
     ///
     /// # Errors
-    /// [`Error::Truncated`].
+    /// As [`BlockHeader::read`], and [`Error::Truncated`].
+    // Part of the caller, who then copies no block: where a frame is waiting for it.
     #[inline(always)]
-    pub fn next_plain(&mut self, engine: &mut Engine<'_, '_>, codes: &[u8]) -> Result<bool, Error> {
-        if self.frame >= self.plain {
-            return Ok(false);
+    pub fn read(bytes: &'a [u8], at: usize, clip: &Header<'_>, expected: Option<u32>) -> Result<Self, Error> {
+        let rest = bytes.get(at..).unwrap_or_default();
+        let (header, rest) = rest.split_first_chunk::<BLOCK_HEADER_BYTES>().ok_or(Error::Truncated {
+            field: Field::BlockHeader,
+            at,
+            needed: BLOCK_HEADER_BYTES,
+            found: rest.len(),
+        })?;
+        let header = BlockHeader::read(header, at, clip, expected)?;
+        let needed = usize::from(header.length);
+        let codes = rest.get(..needed).ok_or(Error::Truncated {
+            field: Field::Payload,
+            at: at.saturating_add(BLOCK_HEADER_BYTES),
+            needed,
+            found: rest.len(),
+        })?;
+        Ok(Self { header, at, codes })
+    }
+
+    /// Where the next block's header is in the clip.
+    pub const fn end(&self) -> usize {
+        self.at.saturating_add(BLOCK_HEADER_BYTES).saturating_add(self.codes.len())
+    }
+
+    /// Number of the frame after its last one.
+    pub const fn next_frame(&self) -> u32 {
+        self.header.first_frame.saturating_add(self.header.frames as u32)
+    }
+}
+
+/// The blocks of a clip, one after the other: up to the last frame, or the first error.
+///
+/// ```
+/// use decoder_core::Limits;
+/// use decoder_core::mclip::Clip;
+///
+/// let bytes = include_bytes!("../../examples/clip.mclip");
+/// let clip = Clip::parse(bytes, Limits::MAX)?;
+/// let mut codes = 0;
+/// for block in clip.blocks() {
+///     let block = block?;
+///     block.header.verify(block.codes, block.at)?;
+///     codes += block.codes.len();
+/// }
+/// assert!(codes < bytes.len());
+/// # Ok::<(), decoder_core::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Blocks<'a> {
+    header: Header<'a>,
+    bytes: &'a [u8],
+    /// Where the next one is.
+    at: usize,
+    /// Number of the frame that comes next.
+    frame: u32,
+}
+
+impl<'a> Blocks<'a> {
+    /// The blocks of the clip that has this header and these bytes, from byte `at` on, which is that of a block's header, whose
+    /// first frame is `frame`.
+    pub const fn new(header: Header<'a>, bytes: &'a [u8], at: usize, frame: u32) -> Self {
+        Self { header, bytes, at, frame }
+    }
+
+    /// Where the next block is in the clip, or where the last one ended.
+    pub const fn at(&self) -> usize {
+        self.at
+    }
+
+    /// Reads the next one.
+    #[inline(never)]
+    fn read(&mut self) -> Result<Block<'a>, Error> {
+        let block = Block::read(self.bytes, self.at, &self.header, Some(self.frame))?;
+        self.at = block.end();
+        self.frame = block.next_frame();
+        Ok(block)
+    }
+}
+
+impl<'a> Iterator for Blocks<'a> {
+    type Item = Result<Block<'a>, Error>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.frame >= self.header.frames() {
+            return None;
         }
-        let Some(position) = engine.decode(codes, self.position) else {
-            return Err(self.truncated(codes.len()));
-        };
-        self.position = position;
-        self.frame = self.frame.wrapping_add(1);
-        Ok(true)
-    }
-
-    /// Decodes the next frame; false after the last one.
-    ///
-    /// # Errors
-    /// [`Error::Truncated`], or [`Error::Malformed`] after the last one.
-    #[inline(always)]
-    pub fn next(&mut self, engine: &mut Engine<'_, '_>, codes: &[u8]) -> Result<bool, Error> {
-        if self.is_done() {
-            return Ok(false);
+        let block = self.read();
+        if block.is_err() {
+            self.frame = u32::MAX;
         }
-        let decoded = if self.entry {
-            engine.decode_entry(codes, self.position)
-        } else {
-            engine.decode(codes, self.position)
-        };
-        let Some(position) = decoded else { return Err(self.truncated(codes.len())) };
-        self.entry = false;
-        self.plain = self.end.saturating_sub(1);
-        self.position = position;
-        let next = self.frame.wrapping_add(1);
-        let used = position.wrapping_add(7) >> 3;
-        if next >= self.end && used != codes.len() {
-            return Err(self.too_long(codes.len(), used));
-        }
-        self.frame = next;
-        Ok(true)
-    }
-
-    /// Whether all of the block's frames were given.
-    pub const fn is_done(&self) -> bool {
-        self.frame >= self.end
-    }
-
-    #[cold]
-    const fn truncated(&self, found: usize) -> Error {
-        let at = self.at.saturating_add(BLOCK_HEADER_BYTES);
-        Error::Truncated { field: Field::Payload, at, needed: found.saturating_add(1), found }
-    }
-
-    #[cold]
-    const fn too_long(&self, found: usize, used: usize) -> Error {
-        let (found, used) = (found as u32, used as u32);
-        Error::Malformed { field: Field::BlockLength, at: self.at, found, low: used, high: used }
+        Some(block)
     }
 }

@@ -1,133 +1,145 @@
-//! Reads postcard's wire format (<https://postcard.jamesmunns.com>) in place.
-//!
-//! The crate `postcard` writes our headers; its reader has an overflow check that the compiler cannot rule out, and
-//! does not say where bytes are wrong. This one is what a header needs: integers, slices and strings.
+//! A position in a block, from which a codec's decoder is led to the next frame.
 
+use super::block::{BLOCK_HEADER_BYTES, BlockHeader};
+use crate::codec::contract::FrameDecoder;
 use crate::error::{Error, Field};
 
-/// The bytes that are still to be read, and where they end in the clip.
+/// A position in the codes of a block.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cursor<'a> {
-    pub rest: &'a [u8],
-    /// Byte of the clip after the last one.
-    pub end: usize,
+pub(super) struct BlockCursor {
+    /// Number of the frame whose codes come next.
+    pub frame: u32,
+    /// Frames before this one need no more than to be decoded: they are neither a block's first one nor its last one.
+    plain: u32,
+    /// Frames of the block and of those before it.
+    end: u32,
+    /// Where the block's header is in the clip.
+    at: usize,
+    /// What the decoder has to be told before the next frame.
+    entering: Entering,
 }
 
-impl<'a> Cursor<'a> {
-    /// Where the next byte is in the clip.
-    pub const fn at(&self) -> usize {
-        self.end.saturating_sub(self.rest.len())
+/// Whether a block is entered with the next frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Entering {
+    /// It was.
+    Entered,
+    /// It goes on where the one before it ended.
+    Continuing,
+    /// It is an entry point.
+    EntryPoint,
+}
+
+impl BlockCursor {
+    /// Before the first frame of a block, whose header is at byte `at`.
+    pub const fn new(block: BlockHeader, at: usize) -> Self {
+        let end = block.first_frame.saturating_add(block.frames as u32);
+        let entering = if block.entry { Entering::EntryPoint } else { Entering::Continuing };
+        Self { frame: block.first_frame, plain: 0, end, at, entering }
     }
 
-    const fn truncated(&self, field: Field, needed: usize) -> Error {
-        Error::Truncated { field, at: self.at(), needed, found: self.rest.len() }
+    /// In no block; `frame` comes next.
+    pub const fn outside(frame: u32) -> Self {
+        Self { frame, plain: 0, end: frame, at: 0, entering: Entering::Entered }
     }
 
-    /// A byte as it is.
-    pub fn u8(&mut self, field: Field) -> Result<u8, Error> {
-        let (&byte, rest) = self.rest.split_first().ok_or(self.truncated(field, 1))?;
-        self.rest = rest;
-        Ok(byte)
-    }
-
-    /// A number of at most `most`, which is 2^n − 1, seven bits a byte, the lowest first.
-    fn varint(&mut self, field: Field, most: u32) -> Result<u32, Error> {
-        let at = self.at();
-        let (mut value, mut shift, mut room) = (0u32, 0u32, most);
-        loop {
-            let byte = self.u8(field)?;
-            let bits = u32::from(byte & 0x7f);
-            if bits > room {
-                return Err(Error::Encoding { field, at });
-            }
-            value |= bits.wrapping_shl(shift);
-            if byte & 0x80 == 0 {
-                return Ok(value);
-            }
-            // As many bytes as the type's bits take.
-            room >>= 7;
-            if room == 0 {
-                return Err(Error::Encoding { field, at });
-            }
-            shift = shift.wrapping_add(7);
+    /// Decodes the next frame where it is one of those that need no more; whether it was.
+    ///
+    /// # Errors
+    /// [`Error::Truncated`].
+    #[inline(always)]
+    pub fn next_plain(&mut self, decoder: &mut impl FrameDecoder, codes: &[u8]) -> Result<bool, Error> {
+        if self.frame >= self.plain {
+            return Ok(false);
         }
+        if decoder.next_frame(codes).is_none() {
+            return Err(self.truncated(codes.len()));
+        }
+        self.frame = self.frame.wrapping_add(1);
+        Ok(true)
     }
 
-    pub fn u32(&mut self, field: Field) -> Result<u32, Error> {
-        self.varint(field, u32::MAX)
+    /// Decodes the next frame; false after the last one.
+    ///
+    /// # Errors
+    /// [`Error::Truncated`], or [`Error::Malformed`] after the last one.
+    #[inline(always)]
+    pub fn next(&mut self, decoder: &mut impl FrameDecoder, codes: &[u8]) -> Result<bool, Error> {
+        if self.is_done() {
+            return Ok(false);
+        }
+        let mut decoded = Some(false);
+        if self.entering != Entering::Entered {
+            decoded = decoder.begin(codes, self.entering == Entering::EntryPoint);
+        }
+        if decoded == Some(false) {
+            decoded = decoder.next_frame(codes).map(|()| true);
+        }
+        if decoded.is_none() {
+            return Err(self.truncated(codes.len()));
+        }
+        self.entering = Entering::Entered;
+        self.plain = self.end.saturating_sub(1);
+        let next = self.frame.wrapping_add(1);
+        if next >= self.end && decoder.used() != codes.len() {
+            return Err(self.too_long(codes.len(), decoder.used()));
+        }
+        self.frame = next;
+        Ok(true)
     }
 
-    pub fn u16(&mut self, field: Field) -> Result<u16, Error> {
-        Ok(self.varint(field, u16::MAX.into())? as u16)
+    /// Whether all of the block's frames were given.
+    pub const fn is_done(&self) -> bool {
+        self.frame >= self.end
     }
 
-    /// A length and as many bytes.
-    pub fn bytes(&mut self, field: Field) -> Result<&'a [u8], Error> {
-        let needed = usize::try_from(self.u32(field)?).unwrap_or(usize::MAX);
-        let (bytes, rest) = self.rest.split_at_checked(needed).ok_or(self.truncated(field, needed))?;
-        self.rest = rest;
-        Ok(bytes)
+    #[cold]
+    const fn truncated(&self, found: usize) -> Error {
+        let at = self.at.saturating_add(BLOCK_HEADER_BYTES);
+        Error::Truncated { field: Field::Payload, at, needed: found.saturating_add(1), found }
     }
 
-    /// A length and as many bytes of UTF-8.
-    pub fn str(&mut self, field: Field) -> Result<&'a str, Error> {
-        let at = self.at();
-        core::str::from_utf8(self.bytes(field)?).map_err(|_| Error::Encoding { field, at })
+    #[cold]
+    const fn too_long(&self, found: usize, used: usize) -> Error {
+        let (found, used) = (found as u32, used as u32);
+        Error::Malformed { field: Field::BlockLength, at: self.at, found, low: used, high: used }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{Random, stride, times};
+/// Frames that are to be decoded before the first pose is that of a frame, where a codec has a
+/// [delay](FrameDecoder::delay). Where that is 0, which the compiler knows for a codec, nothing here takes time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Missing(u32);
 
-    const FIELD: Field = Field::Header;
-
-    /// Against the crate that writes our headers.
-    #[test]
-    fn what_postcard_writes_is_read() {
-        let unsigned = (0..32).flat_map(|bit| [(1u32 << bit) - 1, 1 << bit, u32::MAX - (1 << bit)]);
-        for value in unsigned {
-            let mut buffer = [0; 64];
-            let tuple = (value, value as u16, value as u8, "Ωx", &b"abc"[..]);
-            let bytes = postcard::to_slice(&tuple, &mut buffer).unwrap();
-            let mut cursor = Cursor { rest: bytes, end: 100 };
-            assert_eq!(cursor.u32(FIELD), Ok(value));
-            assert_eq!(cursor.u16(FIELD), Ok(value as u16));
-            assert_eq!(cursor.u8(FIELD), Ok(value as u8));
-            assert_eq!(cursor.str(FIELD), Ok("Ωx"));
-            assert_eq!(cursor.bytes(FIELD), Ok(&b"abc"[..]));
-            assert_eq!((cursor.rest.len(), cursor.at()), (0, 100));
-        }
+impl Missing {
+    /// Before an entry point, with poses of nothing before it.
+    pub fn at_entry(decoder: &impl FrameDecoder) -> Self {
+        Self(decoder.delay().into())
     }
 
-    /// Every sequence of up to three bytes as a 16-bit number, and samples of five as a 32-bit one.
-    #[test]
-    fn what_postcard_refuses_is_refused() {
-        for value in (0..1u32 << 24).step_by(stride(20_011)) {
-            let [a, b, c, _] = value.to_le_bytes();
-            let bytes = [a, b, c];
-            let found = Cursor { rest: &bytes, end: 3 }.u16(FIELD).ok();
-            assert_eq!(found, postcard::from_bytes::<u16>(&bytes).ok(), "{bytes:x?}");
+    /// Takes in a frame: whether the pose after it is none of the clip's.
+    #[inline(always)]
+    pub fn hides_pose(&mut self, decoder: &impl FrameDecoder) -> bool {
+        let hidden = decoder.delay() > 0 && self.0 > 0;
+        if hidden {
+            self.0 = self.0.saturating_sub(1);
         }
-        let mut random = Random(13);
-        for _ in 0..times(1_000_000, 500) {
-            let mut bytes = [0xff; 6];
-            bytes.iter_mut().take(random.below(6)).for_each(|byte| *byte = random.next() as u8 | 0x80);
-            if let Some(last) = bytes.get_mut(random.below(8)) {
-                *last = random.next() as u8 & 0x7f;
-            }
-            let found = Cursor { rest: &bytes, end: 6 }.u32(FIELD).ok();
-            assert_eq!(found, postcard::from_bytes::<u32>(&bytes).ok(), "{bytes:x?}");
-        }
+        hidden
     }
 
-    #[test]
-    fn ends_are_told_with_their_place() {
-        let mut cursor = Cursor { rest: &[5, 1, 2], end: 13 };
-        let truncated = Error::Truncated { field: FIELD, at: 11, needed: 5, found: 2 };
-        assert_eq!(cursor.bytes(FIELD), Err(truncated));
-        let mut cursor = Cursor { rest: &[1, 0xff], end: 2 };
-        assert_eq!(cursor.str(FIELD), Err(Error::Encoding { field: FIELD, at: 0 }));
+    /// Number of the frame whose pose comes next, where that whose codes come next is `frame`.
+    #[inline(always)]
+    pub fn position(self, decoder: &impl FrameDecoder, frame: u32) -> u32 {
+        match u32::from(decoder.delay()) {
+            0 => frame,
+            delay => frame.saturating_sub(delay.saturating_sub(self.0)),
+        }
     }
+}
+
+/// Whether poses are still to come by [`drain`](FrameDecoder::drain), where all codes of a clip of so many frames were taken and
+/// `frame` counts on.
+#[inline(always)]
+pub(super) fn has_poses_left(decoder: &impl FrameDecoder, frame: u32, frames: u32) -> bool {
+    decoder.delay() > 0 && frame < frames.saturating_add(decoder.delay().into())
 }

@@ -1,24 +1,41 @@
 //! Plays a clip that lies in memory, frame by frame.
 
-use super::block::Cursor;
-use super::clip::{Block, Clip};
-use super::engine::Engine;
+use super::block::Block;
+use super::clip::Clip;
+use super::cursor::{BlockCursor, Missing, has_poses_left};
+use crate::codec::contract::FrameDecoder;
+use crate::codec::linked::RunningCodec;
 use crate::error::Error;
+use crate::memory::Memory;
 use fixed::types::I16F16;
 
 /// A position in a clip, and the pose there. Made by [`Clip::decoder`].
+pub type Decoder<'a, 's> = ClipDecoder<'a, RunningCodec<'a, 's>>;
+
+/// A position in a clip, and the pose there, by a codec's decoder.
 ///
 /// What every frame needs comes first, where short instructions reach it.
 #[derive(Debug)]
 #[repr(C)]
-pub struct Decoder<'a, 's> {
+pub struct ClipDecoder<'a, D> {
     /// Where it is in the block, or which frame comes next.
-    cursor: Cursor,
+    cursor: BlockCursor,
     /// The block's codes.
     codes: &'a [u8],
-    engine: Engine<'a, 's>,
+    decoder: D,
     at: At,
+    missing: Missing,
     clip: Clip<'a>,
+}
+
+impl<'a> Clip<'a> {
+    /// A decoder before the first frame, in memory of at least [`Header::needs`](super::Header::needs).
+    ///
+    /// # Errors
+    /// [`Error::OutputTooSmall`], or [`Error::Encoding`] where the code tables are none.
+    pub fn decoder<'s>(&self, memory: Memory<'s>) -> Result<Decoder<'a, 's>, Error> {
+        Ok(ClipDecoder::new(*self, self.header().open(memory)?))
+    }
 }
 
 /// Where in its blocks a decoder is.
@@ -32,10 +49,10 @@ enum At {
     Failed(Error),
 }
 
-impl<'a, 's> Decoder<'a, 's> {
-    pub(super) const fn new(clip: Clip<'a>, engine: Engine<'a, 's>) -> Self {
-        let at = At::Boundary(clip.header_bytes());
-        Self { cursor: Cursor::outside(0), codes: &[], engine, at, clip }
+impl<'a, D: FrameDecoder> ClipDecoder<'a, D> {
+    pub(super) fn new(clip: Clip<'a>, decoder: D) -> Self {
+        let (at, missing) = (At::Boundary(clip.header_bytes()), Missing::at_entry(&decoder));
+        Self { cursor: BlockCursor::outside(0), codes: &[], decoder, at, missing, clip }
     }
 
     /// Decodes the next frame and returns its pose, an element a channel; `None` after the last one.
@@ -46,27 +63,37 @@ impl<'a, 's> Decoder<'a, 's> {
     /// codes are not as long as it. After an error only [`seek`](Self::seek) and [`rewind`](Self::rewind) go on.
     #[inline]
     pub fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
-        let found = match self.cursor.next_plain(&mut self.engine, self.codes) {
+        let found = match self.cursor.next_plain(&mut self.decoder, self.codes) {
             Ok(false) => self.advance(),
             Ok(true) => Ok(true),
             Err(error) => self.fail(error),
         };
-        Ok(if found? { Some(self.engine.pose()) } else { None })
+        Ok(if found? { Some(self.decoder.pose()) } else { None })
     }
 
-    /// Goes on to a frame that something comes before or after: a block begins or ends.
+    /// Goes on to a frame that something comes before or after: a block begins or ends, or poses lag behind.
     #[inline(never)]
     fn advance(&mut self) -> Result<bool, Error> {
-        match self.cross() {
-            Ok(found) => Ok(found),
-            Err(error) => self.fail(error),
+        loop {
+            let found = match self.cross() {
+                Ok(found) => found,
+                Err(error) => return self.fail(error),
+            };
+            if !(found && self.missing.hides_pose(&self.decoder)) {
+                return Ok(found);
+            }
         }
     }
 
     #[inline(always)]
     fn cross(&mut self) -> Result<bool, Error> {
         if self.cursor.frame >= self.clip.frames() {
-            return Ok(false);
+            let found = has_poses_left(&self.decoder, self.cursor.frame, self.clip.frames());
+            if found {
+                self.decoder.drain();
+                self.cursor = BlockCursor::outside(self.cursor.frame.saturating_add(1));
+            }
+            return Ok(found);
         }
         if let At::Boundary(at) = self.at {
             self.enter(at)?;
@@ -75,7 +102,7 @@ impl<'a, 's> Decoder<'a, 's> {
             At::Failed(error) => Err(error),
             At::Boundary(_) => Ok(false),
             At::Inside { end } => {
-                let found = self.cursor.next(&mut self.engine, self.codes)?;
+                let found = self.cursor.next(&mut self.decoder, self.codes)?;
                 if self.cursor.is_done() {
                     self.at = At::Boundary(end);
                 }
@@ -86,7 +113,7 @@ impl<'a, 's> Decoder<'a, 's> {
 
     #[cold]
     fn fail(&mut self, error: Error) -> Result<bool, Error> {
-        self.cursor = Cursor::outside(self.cursor.frame);
+        self.cursor = BlockCursor::outside(self.cursor.frame);
         self.at = At::Failed(error);
         Err(error)
     }
@@ -94,18 +121,26 @@ impl<'a, 's> Decoder<'a, 's> {
     /// Enters the block whose header is at byte `at`.
     #[inline(always)]
     fn enter(&mut self, at: usize) -> Result<(), Error> {
-        let Block { header, at, codes, end } = self.clip.block_here(at, Some(self.cursor.frame))?;
+        let block = Block::read(self.clip.bytes(), at, self.clip.header(), Some(self.cursor.frame))?;
+        let Block { header, at, codes } = block;
         if !self.clip.is_verified() {
             header.verify(codes, at)?;
         }
-        (self.at, self.codes, self.cursor) = (At::Inside { end }, codes, Cursor::new(header, at));
+        (self.at, self.codes) = (At::Inside { end: block.end() }, codes);
+        self.cursor = BlockCursor::new(header, at);
         Ok(())
     }
 
     /// Goes back to before the first frame.
-    pub const fn rewind(&mut self) {
-        self.at = At::Boundary(self.clip.header_bytes());
-        self.cursor = Cursor::outside(0);
+    pub fn rewind(&mut self) {
+        self.go_to(0, self.clip.header_bytes());
+    }
+
+    /// Goes to before an entry point: its first frame, and where the block's header is.
+    fn go_to(&mut self, frame: u32, at: usize) {
+        self.at = At::Boundary(at);
+        self.cursor = BlockCursor::outside(frame);
+        self.missing = Missing::at_entry(&self.decoder);
     }
 
     /// Decodes frame `frame` (0 is the first) and returns its pose; `None` where there is no such frame, which
@@ -136,17 +171,16 @@ impl<'a, 's> Decoder<'a, 's> {
             return Ok(());
         }
         let entry = self.clip.entry_before(frame)?;
-        let nearer = self.position() <= frame && self.position() >= entry.header.first_frame;
+        let nearer = self.position() <= frame && self.position() >= entry.first_frame;
         if !nearer || matches!(self.at, At::Failed(_)) {
-            self.at = At::Boundary(entry.at);
-            self.cursor = Cursor::outside(entry.header.first_frame);
+            self.go_to(entry.first_frame, entry.at as usize);
         }
         Ok(())
     }
 
     /// Number of the frame that comes next.
-    pub const fn position(&self) -> u32 {
-        self.cursor.frame
+    pub fn position(&self) -> u32 {
+        self.missing.position(&self.decoder, self.cursor.frame)
     }
 
     /// The clip.

@@ -3,120 +3,13 @@
 //! A record has a few bits for each field, counted from the least value that any channel has, so that what all channels
 //! share costs nothing. The bytes are in docs/FORMAT.md, "Channels".
 
-use super::cursor::Cursor;
-use super::header::{Opening, check};
-use crate::arithmetic::signed;
-use crate::bits::BitReader;
-use crate::error::{Error, Field};
-use core::fmt;
-
-/// Bits of the mantissa of a pcm channel's Δ.
-pub const MANTISSA_BITS: u32 = 15;
-
-/// Most bits of a value at an entry point.
-pub const MAX_ENTRY_BITS: u8 = 32;
-
-/// What a channel moves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum ChannelKind {
-    /// Translation along x, in centimetres.
-    Tx,
-    /// Translation along y, in centimetres.
-    Ty,
-    /// Translation along z, in centimetres.
-    Tz,
-    /// Rotation about x, in degrees.
-    Rx,
-    /// Rotation about y, in degrees.
-    Ry,
-    /// Rotation about z, in degrees.
-    Rz,
-    /// Length of the bone beyond its rest length, in centimetres (ASF `l`).
-    Length,
-}
-
-impl ChannelKind {
-    /// All kinds, in the order of their numbers.
-    pub const ALL: [Self; 7] = [Self::Tx, Self::Ty, Self::Tz, Self::Rx, Self::Ry, Self::Rz, Self::Length];
-
-    /// Its number in a header.
-    pub const fn id(self) -> u8 {
-        self as u8
-    }
-
-    /// The kind with this number.
-    pub fn from_id(id: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(id)).copied()
-    }
-
-    /// Its name in an ASF file, in lower case: `tx`, `rz`, `l`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Tx => "tx",
-            Self::Ty => "ty",
-            Self::Tz => "tz",
-            Self::Rx => "rx",
-            Self::Ry => "ry",
-            Self::Rz => "rz",
-            Self::Length => "l",
-        }
-    }
-
-    /// Whether it is a rotation, in degrees; the others are lengths, in centimetres.
-    pub const fn is_rotation(self) -> bool {
-        matches!(self, Self::Rx | Self::Ry | Self::Rz)
-    }
-
-    /// 0, 1 or 2 for a rotation about, or a translation along, x, y or z; `None` for [`Length`](Self::Length).
-    pub const fn axis(self) -> Option<usize> {
-        match self {
-            Self::Tx | Self::Rx => Some(0),
-            Self::Ty | Self::Ry => Some(1),
-            Self::Tz | Self::Rz => Some(2),
-            Self::Length => None,
-        }
-    }
-}
-
-/// A channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Channel<'a> {
-    /// Name of its joint; empty where the clip names none.
-    pub joint: &'a str,
-    /// What it moves.
-    pub kind: ChannelKind,
-    /// A word: pcm: the lowest value of its grid; with 0 bits, its value in the whole clip; else 0.
-    pub low: i32,
-    /// Bits of its value at an entry point, 1 to [`MAX_ENTRY_BITS`]; pcm and channels of 0 bits have no such values.
-    pub entry_bits: u8,
-    /// Places by which its values are shifted at an entry point, and `low` is stored with, 0 to 27.
-    pub entry_shift: u8,
-    /// Bits of a code, 0 to 16; with 0, the channel keeps its value.
-    pub bits: u8,
-    /// Index of its step, or of its first step where it adapts; pcm: the exponent of Δ.
-    pub step: u8,
-    /// Its group of code tables.
-    pub group: u8,
-    /// Coefficient of its predictor; pcm: the mantissa of Δ.
-    pub coefficient: i16,
-}
-
-/// `rradius.rx`, or `rx` where the clip names no joints.
-impl fmt::Display for Channel<'_> {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if !self.joint.is_empty() {
-            formatter.write_str(self.joint)?;
-            formatter.write_str(".")?;
-        }
-        formatter.write_str(self.kind.name())
-    }
-}
-
-/// Places by which values are shifted at an entry point, where the step is as this index says: steps are told apart to
-/// 2^precision parts at least. In pcm, the lowest value is in units of the mantissa's.
-pub const fn entry_shift(step: u8, precision: u8, is_pcm: bool) -> u8 {
-    if is_pcm { step } else { (step >> 3).wrapping_add(3).saturating_sub(precision) }
-}
+use super::fields::HeaderFields;
+use super::postcard::{Cursor, put_bytes};
+use crate::arithmetic::{signed, unsigned};
+use crate::bits::reader::BitReader;
+use crate::bits::writer::BitWriter;
+use crate::channel::{Channel, ChannelKind, MANTISSA_BITS, MAX_ENTRY_BITS, Rules, entry_shift};
+use crate::error::{Error, Field, check};
 
 /// A field of all records: the least value, and the bits of what is added to it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -130,6 +23,26 @@ pub struct Packing {
 impl Packing {
     fn read(bits: &mut BitReader<'_>) -> Self {
         Self { least: bits.take(8) as u8, width: bits.take(4) as u8 }
+    }
+
+    fn emit(self, out: &mut BitWriter<impl Extend<u8>>) {
+        out.put(self.least.into(), 8);
+        out.put(self.width.into(), 4);
+    }
+
+    /// The narrowest packing that has room for these values.
+    fn covering(values: impl Iterator<Item = u8>) -> Self {
+        let (least, most) =
+            values.fold((u8::MAX, 0), |(least, most), value| (value.min(least), value.max(most)));
+        let least = least.min(most);
+        let width = u8::BITS.wrapping_sub(most.wrapping_sub(least).leading_zeros());
+        // Down where the highest sum would not be a byte.
+        let least = u32::from(least).min(256u32.wrapping_sub(1u32.wrapping_shl(width)));
+        Self { least: least as u8, width: width as u8 }
+    }
+
+    fn put(self, value: u8, out: &mut BitWriter<impl Extend<u8>>) {
+        out.put(value.wrapping_sub(self.least).into(), self.width.into());
     }
 
     fn is_sound(self) -> bool {
@@ -171,26 +84,93 @@ impl Packings {
         }
     }
 
+    fn emit(&self, out: &mut BitWriter<impl Extend<u8>>) {
+        out.put(self.precision.into(), 4);
+        for packing in [self.bits, self.step, self.entry_bits, self.group, self.predictor] {
+            packing.emit(out);
+        }
+    }
+
+    /// The narrowest packings that have room for these channels and the numbers of their coefficients.
+    fn covering<'c>(
+        channels: impl Iterator<Item = Channel<'c>> + Clone,
+        coefficients: &[i16],
+        precision: u8,
+    ) -> Self {
+        let active = || channels.clone().filter(|channel| channel.bits > 0);
+        Self {
+            precision,
+            bits: Packing::covering(channels.clone().map(|channel| channel.bits)),
+            step: Packing::covering(channels.clone().map(|channel| channel.step)),
+            entry_bits: Packing::covering(active().map(|channel| channel.entry_bits)),
+            group: Packing::covering(active().map(|channel| channel.group)),
+            predictor: Packing::covering(active().map(|channel| nearest(coefficients, channel.coefficient))),
+        }
+    }
+
     fn are_sound(&self) -> bool {
         [self.bits, self.step, self.entry_bits, self.group, self.predictor].into_iter().all(Packing::is_sound)
     }
 }
 
-/// The highest values of fields, by codec and tables.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds {
-    pub bits: u8,
-    pub step: u8,
-    pub group: u8,
+/// Writes the records of channels as [`Records`] reads them: a bit string of its own. The entry shifts of the channels are those
+/// of `precision`, and each channel gets the nearest of the coefficients.
+pub fn emit_records<'c>(
+    channels: impl Iterator<Item = Channel<'c>> + Clone,
+    coefficients: &[i16],
+    precision: u8,
+    grid: bool,
+    out: &mut BitWriter<impl Extend<u8>>,
+) {
+    let packings = Packings::covering(channels.clone(), coefficients, precision);
+    packings.emit(out);
+    let mut before = None;
+    for channel in channels {
+        out.put((before.replace(channel.joint) != Some(channel.joint)).into(), 1);
+        out.put(channel.kind.id().into(), 3);
+        packings.bits.put(channel.bits, out);
+        packings.step.put(channel.step, out);
+        if channel.bits > 0 {
+            packings.group.put(channel.group, out);
+            if grid {
+                out.put(channel.coefficient as u32, MANTISSA_BITS);
+            } else {
+                packings.entry_bits.put(channel.entry_bits, out);
+                packings.predictor.put(nearest(coefficients, channel.coefficient), out);
+            }
+        }
+        if channel.bits == 0 || grid {
+            put_number(unsigned(channel.low.wrapping_shr(channel.entry_shift.into())), out);
+        }
+    }
+}
+
+/// Writes the names of the channels' joints, where any has one: each once for the channels of it that follow each other.
+pub fn emit_names<'c>(channels: impl Iterator<Item = Channel<'c>> + Clone, out: &mut impl Extend<u8>) {
+    if channels.clone().all(|channel| channel.joint.is_empty()) {
+        return;
+    }
+    let mut before = None;
+    for channel in channels {
+        if before.replace(channel.joint) != Some(channel.joint) {
+            put_bytes(channel.joint.as_bytes(), out);
+        }
+    }
+}
+
+/// The number of the coefficient that is nearest; the first 256 have one.
+fn nearest(coefficients: &[i16], to: i16) -> u8 {
+    let numbered = (0..=u8::MAX).zip(coefficients);
+    numbered.min_by_key(|(_, coefficient)| coefficient.abs_diff(to)).map_or(0, |(number, _)| number)
 }
 
 /// The channels of a header, in the order of a frame.
 #[derive(Clone, Debug)]
-pub struct Channels<'a> {
+pub struct Records<'a> {
     bits: BitReader<'a>,
     packings: Packings,
     left: u16,
-    is_pcm: bool,
+    rules: Rules,
     predictors: &'a [u8],
     names: Cursor<'a>,
     joint: &'a str,
@@ -199,16 +179,16 @@ pub struct Channels<'a> {
     end: usize,
 }
 
-impl<'a> Channels<'a> {
+impl<'a> Records<'a> {
     /// Before the first. Records and names end at these bytes of the clip.
-    pub(super) fn new(header: &Opening<'a>, end: usize, names_end: usize, is_pcm: bool) -> Self {
+    pub(super) fn new(header: &HeaderFields<'a>, end: usize, names_end: usize, rules: Rules) -> Self {
         let mut bits = BitReader::new(header.records);
         let packings = Packings::read(&mut bits);
         Self {
             bits,
             packings,
             left: header.channels,
-            is_pcm,
+            rules,
             predictors: header.predictors,
             names: Cursor { rest: header.names, end: names_end },
             joint: "",
@@ -228,7 +208,7 @@ impl<'a> Channels<'a> {
     }
 
     /// Reads all channels and checks them.
-    pub(super) fn check(mut self, bounds: Bounds) -> Result<(), Error> {
+    pub(super) fn check(mut self, last_group: u8) -> Result<(), Error> {
         if !self.packings.are_sound() {
             return Err(Error::Encoding { field: Field::Channel, at: self.start });
         }
@@ -236,12 +216,12 @@ impl<'a> Channels<'a> {
         while self.left > 0 {
             let at = self.at();
             let channel = self.read(has_names)?;
-            check(Field::Bits, at, channel.bits.into(), 0, bounds.bits.into())?;
-            check(Field::Step, at, channel.step.into(), 0, bounds.step.into())?;
-            if channel.bits > 0 && !self.is_pcm {
+            check(Field::Bits, at, channel.bits.into(), 0, self.rules.bits.into())?;
+            check(Field::Step, at, channel.step.into(), 0, self.rules.step.into())?;
+            if channel.bits > 0 && !self.rules.grid {
                 check(Field::EntryBits, at, channel.entry_bits.into(), 1, MAX_ENTRY_BITS.into())?;
             }
-            check(Field::Group, at, channel.group.into(), 0, bounds.group.into())?;
+            check(Field::Group, at, channel.group.into(), 0, last_group.into())?;
         }
         let bytes = self.bits.position().saturating_add(7) >> 3;
         let used = self.start.saturating_add(bytes);
@@ -267,18 +247,18 @@ impl<'a> Channels<'a> {
         let kind = ChannelKind::from_id(kind as u8).ok_or(malformed)?;
         let channel_bits = packings.bits.take(bits);
         let step = packings.step.take(bits);
-        let entry_shift = entry_shift(step, packings.precision, self.is_pcm);
+        let entry_shift = entry_shift(step, packings.precision, self.rules.grid);
         let (mut group, mut coefficient, mut entry_bits, mut low) = (0, 0, 0, 0);
         if channel_bits > 0 {
             group = packings.group.take(bits);
-            if self.is_pcm {
+            if self.rules.grid {
                 coefficient = bits.take(MANTISSA_BITS) as i16;
             } else {
                 entry_bits = packings.entry_bits.take(bits);
                 coefficient = predictor(predictors, packings.predictor.take(bits), at)?;
             }
         }
-        if channel_bits == 0 || self.is_pcm {
+        if channel_bits == 0 || self.rules.grid {
             low = signed(number(bits)).wrapping_shl(entry_shift.into());
         }
         let (joint, bits) = (self.joint, channel_bits);
@@ -286,7 +266,7 @@ impl<'a> Channels<'a> {
     }
 }
 
-impl<'a> Iterator for Channels<'a> {
+impl<'a> Iterator for Records<'a> {
     type Item = Channel<'a>;
 
     fn next(&mut self) -> Option<Channel<'a>> {
@@ -322,59 +302,22 @@ fn number(bits: &mut BitReader<'_>) -> u32 {
     }
 }
 
+/// Writes a number as [`number`] reads it.
+fn put_number(mut value: u32, out: &mut BitWriter<impl Extend<u8>>) {
+    loop {
+        let rest = value >> 3;
+        out.put(value & 7 | if rest > 0 { 8 } else { 0 }, 4);
+        value = rest;
+        if value == 0 {
+            return;
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::string::ToString;
     use std::vec::Vec;
-
-    const CHANNEL: Channel<'_> = Channel {
-        joint: "rradius",
-        kind: ChannelKind::Rx,
-        low: 0,
-        entry_bits: 10,
-        entry_shift: 13,
-        bits: 8,
-        step: 104,
-        group: 0,
-        coefficient: 0,
-    };
-
-    #[test]
-    fn channels_are_named_by_joint_and_kind() {
-        assert_eq!(CHANNEL.to_string(), "rradius.rx");
-        assert_eq!(Channel { joint: "", kind: ChannelKind::Length, ..CHANNEL }.to_string(), "l");
-        for (id, kind) in ChannelKind::ALL.into_iter().enumerate() {
-            assert_eq!((usize::from(kind.id()), ChannelKind::from_id(id as u8)), (id, Some(kind)));
-        }
-        assert_eq!(ChannelKind::from_id(7), None);
-    }
-
-    #[test]
-    fn kinds_are_named_as_in_asf_and_turn_or_not() {
-        let all = ChannelKind::ALL.map(|kind| (kind.name(), kind.is_rotation(), kind.axis()));
-        let expected = [
-            ("tx", false, Some(0)),
-            ("ty", false, Some(1)),
-            ("tz", false, Some(2)),
-            ("rx", true, Some(0)),
-            ("ry", true, Some(1)),
-            ("rz", true, Some(2)),
-            ("l", false, None),
-        ];
-        assert_eq!(all, expected);
-    }
-
-    #[test]
-    fn entry_shifts_follow_the_octave_of_the_step() {
-        for step in 0..=199u8 {
-            let octave = crate::quantise::step::size(step).ilog2() as u8;
-            for precision in 0..16 {
-                assert_eq!(entry_shift(step, precision, false), octave.saturating_sub(precision));
-            }
-        }
-        assert_eq!(entry_shift(9, 3, true), 9);
-    }
 
     #[test]
     fn numbers_come_in_threes() {

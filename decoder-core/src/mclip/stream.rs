@@ -1,9 +1,13 @@
 //! Plays a clip that arrives in chunks of any size: first its header, then block by block.
 
-use super::block::{BLOCK_HEADER_BYTES, BlockHeader, Cursor};
-use super::engine::{Engine, Memory, lent};
-use super::header::{Header, PREFIX_BYTES, Prefix};
+use super::block::{BLOCK_HEADER_BYTES, BlockHeader};
+use super::cursor::{BlockCursor, Missing, has_poses_left};
+use super::fields::{PREFIX_BYTES, Prefix};
+use super::header::Header;
+use crate::codec::contract::FrameDecoder;
+use crate::codec::linked::RunningCodec;
 use crate::error::{Error, Field, Limits};
+use crate::memory::{Memory, front};
 use fixed::types::I16F16;
 
 /// A header that is being received.
@@ -42,13 +46,19 @@ impl<'h> Receiver<'h> {
 }
 
 /// The blocks of a clip that is being received.
+pub type Stream<'a, 's> = BlockStream<'a, 's, RunningCodec<'a, 's>>;
+
+/// The blocks of a clip that is being received, and a codec's decoder for them.
 #[derive(Debug)]
-pub struct Stream<'a, 's> {
-    engine: Engine<'a, 's>,
+pub struct BlockStream<'a, 's, D> {
+    header: Header<'a>,
+    decoder: D,
     buffer: &'s mut [u8],
     filled: usize,
     expect: Expect,
-    position: u32,
+    /// Number of the frame whose codes come next.
+    frame: u32,
+    missing: Missing,
     /// Where the next block's header is, as far as bytes were not lost.
     at: usize,
 }
@@ -60,7 +70,7 @@ enum Expect {
     /// The codes of a block.
     Codes { block: BlockHeader },
     /// Nothing before the frames of this block were given; `codes` bytes of the buffer are its.
-    Frames { cursor: Cursor, codes: usize },
+    Frames { cursor: BlockCursor, codes: usize },
     /// Codes of a block that is skipped after a loss.
     Skip { left: usize },
     /// After an error, which is repeated until [`Stream::resume`].
@@ -73,10 +83,17 @@ impl<'a, 's> Stream<'a, 's> {
     /// # Errors
     /// [`Error::OutputTooSmall`], or [`Error::Encoding`] where the code tables are none.
     pub fn new(header: Header<'a>, memory: Memory<'s>, buffer: &'s mut [u8]) -> Result<Self, Error> {
-        let needed = usize::from(header.opening().block_bytes).max(BLOCK_HEADER_BYTES);
-        let buffer = lent(buffer, needed, Field::Payload)?;
-        let engine = Engine::new(header, memory)?;
-        Ok(Self { engine, buffer, filled: 0, expect: Expect::Header { resuming: false }, position: 0, at: 0 })
+        let decoder = header.open(memory)?;
+        Self::with_decoder(header, decoder, buffer)
+    }
+}
+
+impl<'a, 's, D: FrameDecoder> BlockStream<'a, 's, D> {
+    pub(super) fn with_decoder(header: Header<'a>, decoder: D, buffer: &'s mut [u8]) -> Result<Self, Error> {
+        let needed = usize::from(header.fields().block_bytes).max(BLOCK_HEADER_BYTES);
+        let buffer = front(buffer, needed, Field::Payload)?;
+        let (expect, missing) = (Expect::Header { resuming: false }, Missing::at_entry(&decoder));
+        Ok(Self { header, decoder, buffer, filled: 0, expect, frame: 0, missing, at: 0 })
     }
 
     /// Takes bytes off the front of `chunk` until a frame is whole and returns its pose; `None` once all of `chunk`
@@ -85,11 +102,11 @@ impl<'a, 's> Stream<'a, 's> {
     /// Bytes in errors count from the first block.
     ///
     /// # Errors
-    /// As [`Decoder::next_frame`](super::Decoder::next_frame), and [`Error::Encoding`] where bytes follow the last
+    /// As [`Decoder::next_frame`](super::ClipDecoder::next_frame), and [`Error::Encoding`] where bytes follow the last
     /// frame. After an error the stream repeats it, up to [`resume`](Self::resume).
     pub fn next_frame(&mut self, chunk: &mut &[u8]) -> Result<Option<&[I16F16]>, Error> {
         match self.advance(chunk) {
-            Ok(true) => Ok(Some(self.engine.pose())),
+            Ok(true) => Ok(Some(self.decoder.pose())),
             Ok(false) => Ok(None),
             Err(because) => {
                 self.expect = Expect::Nothing { because };
@@ -103,8 +120,17 @@ impl<'a, 's> Stream<'a, 's> {
             match &mut self.expect {
                 Expect::Nothing { because } => return Err(*because),
                 Expect::Header { resuming } => {
-                    let (resuming, clip) = (*resuming, self.engine.header());
-                    if self.position >= clip.frames() && !resuming {
+                    let resuming = *resuming;
+                    let frames = self.header.frames();
+                    if self.frame >= frames && !resuming {
+                        if has_poses_left(&self.decoder, self.frame, frames) {
+                            self.decoder.drain();
+                            self.frame = self.frame.saturating_add(1);
+                            if self.missing.hides_pose(&self.decoder) {
+                                continue;
+                            }
+                            return Ok(true);
+                        }
                         if chunk.is_empty() {
                             return Ok(false);
                         }
@@ -115,8 +141,11 @@ impl<'a, 's> Stream<'a, 's> {
                     }
                     self.filled = 0;
                     let Some(bytes) = self.buffer.first_chunk() else { return Ok(false) };
-                    let expected = (!resuming).then_some(self.position);
-                    let block = BlockHeader::read(bytes, self.at, clip, expected)?;
+                    let expected = (!resuming).then_some(self.frame);
+                    let block = BlockHeader::read(bytes, self.at, &self.header, expected)?;
+                    if resuming && block.entry {
+                        self.missing = Missing::at_entry(&self.decoder);
+                    }
                     self.expect = if resuming && !block.entry {
                         Expect::Skip { left: block.length.into() }
                     } else {
@@ -138,14 +167,19 @@ impl<'a, 's> Stream<'a, 's> {
                         return Ok(false);
                     }
                     block.verify(self.buffer.get(..codes).unwrap_or_default(), self.at)?;
-                    self.position = block.first_frame;
+                    self.frame = block.first_frame;
                     self.filled = 0;
-                    self.expect = Expect::Frames { cursor: Cursor::new(block, self.at), codes };
+                    self.expect = Expect::Frames { cursor: BlockCursor::new(block, self.at), codes };
                 }
                 Expect::Frames { cursor, codes } => {
                     let bytes = self.buffer.get(..*codes).unwrap_or_default();
-                    if cursor.next_plain(&mut self.engine, bytes)? || cursor.next(&mut self.engine, bytes)? {
-                        self.position = self.position.saturating_add(1);
+                    if cursor.next_plain(&mut self.decoder, bytes)?
+                        || cursor.next(&mut self.decoder, bytes)?
+                    {
+                        self.frame = self.frame.saturating_add(1);
+                        if self.missing.hides_pose(&self.decoder) {
+                            continue;
+                        }
                         return Ok(true);
                     }
                     self.at = self.at.saturating_add(BLOCK_HEADER_BYTES).saturating_add(*codes);
@@ -168,7 +202,7 @@ impl<'a, 's> Stream<'a, 's> {
     pub const fn finish(&self) -> Result<(), Error> {
         match self.expect {
             Expect::Nothing { because } => Err(because),
-            _ if self.position >= self.engine.header().frames() => Ok(()),
+            _ if self.frame >= self.header.frames() => Ok(()),
             Expect::Header { .. } | Expect::Skip { .. } | Expect::Frames { .. } => Err(Error::Truncated {
                 field: Field::BlockHeader,
                 at: self.at,
@@ -185,13 +219,13 @@ impl<'a, 's> Stream<'a, 's> {
     }
 
     /// Number of the frame that comes next.
-    pub const fn position(&self) -> u32 {
-        self.position
+    pub fn position(&self) -> u32 {
+        self.missing.position(&self.decoder, self.frame)
     }
 
     /// The header.
     pub const fn header(&self) -> &Header<'a> {
-        self.engine.header()
+        &self.header
     }
 }
 

@@ -9,7 +9,8 @@
 //! coefficients are solved for once in a period, by Levinson's recursion with both reflection coefficients bounded,
 //! so that α₁ and α₂ are a stable filter whatever the sums are. That costs two divisions.
 
-use super::ONE;
+/// A coefficient of 1.
+pub const ONE: i16 = 1 << 14;
 
 /// Largest magnitude of a reflection coefficient: 15/16.
 pub const MAX_REFLECTION: i32 = 15 << 10;
@@ -67,41 +68,60 @@ pub fn solve([r0, r1, r2]: [i32; 3]) -> [i16; 2] {
     [first.wrapping_sub(both) as i16, second as i16]
 }
 
-/// A channel's two last movements and its autocorrelation over an exponential window.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Correlation {
-    /// d(n − 1) and d(n − 2).
-    movements: [i16; 2],
-    /// R(0), R(1) and R(2), sums of products that decay; below 2³¹.
-    sums: [i32; 3],
-}
+/// A channel's two last movements and its autocorrelation over an exponential window, in words that the caller lends: all 0
+/// where it has not moved.
+///
+/// The first word has the movements d(n − 1), in its lower half, and d(n − 2); the others are R(0), R(1) and R(2), sums of
+/// products that decay, below 2³¹ in magnitude.
+#[derive(Debug)]
+pub struct Correlation<'w>(pub &'w mut [u32; CORRELATION_WORDS]);
 
-impl Correlation {
-    /// A channel that has not moved.
-    pub const EMPTY: Self = Self { movements: [0; 2], sums: [0; 3] };
+/// Words of a [`Correlation`].
+pub const CORRELATION_WORDS: usize = 4;
 
+impl Correlation<'_> {
     /// d(n − 1) and d(n − 2).
     #[inline(always)]
     pub const fn movements(&self) -> [i16; 2] {
-        self.movements
+        let [movements, ..] = *self.0;
+        unpair(movements.cast_signed())
     }
 
-    /// R(0), R(1) and R(2).
+    /// R(0), R(1) and R(2) of the channel that has these words.
     #[inline(always)]
-    pub const fn sums(&self) -> [i32; 3] {
-        self.sums
+    pub fn sums(words: &[u32; CORRELATION_WORDS]) -> [i32; 3] {
+        let &[_, r0, r1, r2] = words;
+        [r0, r1, r2].map(u32::cast_signed)
     }
 
     /// Takes in a [movement]. `window` is s, 1 to [`MAX_WINDOW`]. Three 16-bit multiplies.
     #[inline(always)]
     pub fn add(&mut self, movement: i16, window: u32) {
-        let [newest, _] = self.movements;
-        for (sum, product) in self.sums.iter_mut().zip(products(movement, self.movements)) {
-            // Products are at most 2^24 in magnitude, so sums are at most 2^30 + 2^24.
-            *sum = sum.wrapping_sub(sum.wrapping_shr(window)).wrapping_add(product);
-        }
-        self.movements = [movement, newest];
+        let [movements, r0, r1, r2] = *self.0;
+        let last = unpair(movements.cast_signed());
+        let [newest, _] = last;
+        let [p0, p1, p2] = products(movement, last);
+        // Products are at most 2^24 in magnitude, so sums are at most 2^30 + 2^24.
+        let decayed = |word: u32, product: i32| {
+            let sum = word.cast_signed();
+            // In this order, the sum may be shifted in its register.
+            sum.wrapping_add(product).wrapping_sub(sum.wrapping_shr(window)).cast_unsigned()
+        };
+        let movements = pair([movement, newest]).cast_unsigned();
+        *self.0 = [movements, decayed(r0, p0), decayed(r1, p1), decayed(r2, p2)];
     }
+}
+
+/// Two coefficients in a word.
+#[inline(always)]
+pub const fn pair([first, second]: [i16; 2]) -> i32 {
+    (first as i32 & 0xffff) | (second as i32).wrapping_shl(16)
+}
+
+/// The two coefficients of a word.
+#[inline(always)]
+pub const fn unpair(word: i32) -> [i16; 2] {
+    [word as i16, (word >> 16) as i16]
 }
 
 fn clamp(value: i32, most: i32) -> i32 {
@@ -125,7 +145,7 @@ mod tests {
 
     #[test]
     fn coefficients_solve_the_normal_equations() {
-        let mut random = Random(6);
+        let mut random = Random::new(6);
         for _ in 0..times(100_000, 300) {
             // Of a stable filter, so that the bounds do not matter.
             let k = [0; 2].map(|_| (random.below(1800) as f64 - 900.0) / 1000.0);
@@ -146,7 +166,7 @@ mod tests {
 
     #[test]
     fn coefficients_are_stable_for_any_sums() {
-        let mut random = Random(7);
+        let mut random = Random::new(7);
         for _ in 0..times(1_000_000, 500) {
             let any = |random: &mut Random| random.next() as i32 >> (2 + random.below(30));
             let sums = [any(&mut random).abs(), any(&mut random), any(&mut random)];
@@ -157,9 +177,9 @@ mod tests {
 
     #[test]
     fn sums_stay_in_range_for_any_movement() {
-        let mut random = Random(8);
+        let mut random = Random::new(8);
         for window in 1..=u32::from(MAX_WINDOW) {
-            let mut channel = Correlation::default();
+            let mut words = [0; CORRELATION_WORDS];
             for step in 0..times(20_000, 80) {
                 let movement = match step / times(1000, 20) % 4 {
                     0 => i32::MIN,
@@ -173,11 +193,11 @@ mod tests {
                         }
                     }
                 };
-                channel.add(super::movement(0, movement), window);
-                let [r0, r1, r2] = channel.sums;
+                Correlation(&mut words).add(super::movement(0, movement), window);
+                let [r0, r1, r2] = Correlation::sums(&words);
                 let most = (1 << 30) + (1 << 24);
                 assert!((0..=most).contains(&r0) && r1.abs() <= most && r2.abs() <= most);
-                predict(solve(channel.sums), channel.movements, movement);
+                predict(solve(Correlation::sums(&words)), Correlation(&mut words).movements(), movement);
             }
         }
     }
@@ -185,18 +205,29 @@ mod tests {
     /// A damped oscillation is predicted far better than by repeating its last movement.
     #[test]
     fn it_learns_an_oscillation() {
-        let mut channel = Correlation::default();
+        let mut words = [0; CORRELATION_WORDS];
         let (mut own, mut naive) = (0.0, 0.0);
         let mut before = [0; 2];
         for n in 0..2000 {
             let x = ((f64::from(n) * 0.3).sin() * 20.0 * 65536.0) as i32;
             if n > 200 {
-                own += f64::from(predict(solve(channel.sums), channel.movements, before[0]) - x).abs();
+                own += f64::from(
+                    predict(solve(Correlation::sums(&words)), Correlation(&mut words).movements(), before[0])
+                        - x,
+                )
+                .abs();
                 naive += f64::from(2 * before[0] - before[1] - x).abs();
             }
-            channel.add(movement(before[0], x), 5);
+            Correlation(&mut words).add(movement(before[0], x), 5);
             before = [x, before[0]];
         }
         assert!(own < naive / 2.0, "{own} {naive}");
+    }
+
+    #[test]
+    fn pairs_are_taken_apart_again() {
+        for pairs in [[0, 0], [-1, 1], [i16::MIN, i16::MAX], [i16::MAX, i16::MIN], [5, -5]] {
+            assert_eq!(unpair(pair(pairs)), pairs);
+        }
     }
 }

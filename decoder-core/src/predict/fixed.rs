@@ -3,7 +3,7 @@
 //! They are written such that each costs one 32-bit product, whatever the value: a value has 32 bits, and so does a
 //! product on Cortex-M0+. The first order multiplies whole units, the second the last movement.
 
-use crate::entropy::fixed_width::BYTES_ONLY;
+use crate::arithmetic::BYTES_ONLY;
 
 /// What the second order's coefficient is in parts of.
 pub const MOMENTUM_ONE: i8 = 64;
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn the_first_order_is_the_formula_to_a_leak_of_one_unit() {
-        let mut random = Random(5);
+        let mut random = Random::new(5);
         for _ in 0..times(200_000, 300) {
             let (last, leak) = (random.next() as i32, random.below(1 << 15) as i32);
             let exact = (1.0 - f64::from(leak) / f64::from(LEAK_ONE)) * f64::from(last);
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn the_second_order_is_the_formula_rounded_down() {
-        let mut random = Random(5);
+        let mut random = Random::new(5);
         for _ in 0..times(200_000, 300) {
             // Within ±128 units, so that nothing wraps.
             let (last, second) = (random.next() as i32 >> 8, random.next() as i32 >> 8);

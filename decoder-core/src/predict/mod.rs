@@ -6,9 +6,6 @@ pub mod adaptive;
 pub mod fixed;
 pub mod window;
 
-pub use adaptive::{Correlation, movement, solve};
+pub use adaptive::{CORRELATION_WORDS, Correlation, ONE, movement, solve};
 pub use fixed::{Constant, First, FirstByHalves, Predict, Second};
 pub use window::Ring;
-
-/// A coefficient of 1 of the adaptive predictor.
-pub const ONE: i16 = 1 << 14;

@@ -6,7 +6,7 @@
 //! Additions wrap (docs/FORMAT.md): saturating ones would cost Cortex-M0+ four cycles a channel, and only a
 //! damaged clip can leave the range, whose goal positions are limited behind the decoder anyway.
 
-use crate::float::{far, fixed_from_f32_bits, near};
+use crate::word::{far, fixed_from_f32_bits, near};
 use fixed::types::I16F16;
 
 /// Entries of a table for one-byte indices.

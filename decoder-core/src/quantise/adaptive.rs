@@ -4,8 +4,9 @@
 //! multiplying by β is adding to the step's index, and what is added is a table of the clip's header. The index is
 //! bounded, so the step is.
 
+use super::quantiser::{Quantise, Step};
 use super::step::{MAX_STEP, SIZES};
-use super::{Quantise, Step, Uniform};
+use super::uniform::Uniform;
 
 /// Classes of codes, each with a multiplier: sixteenths of all codes of a width.
 pub const CLASSES: usize = 16;

@@ -3,7 +3,7 @@
 //! QMD (VRST 2005) gives all channels one table. Here a channel scales it by its step, so that a table fits the
 //! movement of joints that a difference causes rather than the difference's own size.
 
-use super::{Quantise, Step};
+use super::quantiser::{Quantise, Step};
 use crate::arithmetic::{scale, signed, unsigned};
 
 /// Differences in 4096ths of a step, signed, little-endian; codes 0, −1, 1, −2, 2 … are the entries 0, 1, 2, 3, 4 …
@@ -19,6 +19,11 @@ impl<'a> Lookup<'a> {
     pub const fn new(levels: &'a [u8]) -> Option<Self> {
         let (levels, rest) = levels.as_chunks::<2>();
         if rest.is_empty() && !levels.is_empty() { Some(Self { levels }) } else { None }
+    }
+
+    /// The levels as a header has them.
+    pub const fn bytes(&self) -> &'a [u8] {
+        self.levels.as_flattened()
     }
 
     /// Number of levels.

@@ -8,7 +8,7 @@
 //! The levels are those of the clip's header, in 65536ths of θ_MAX, so any μ, or any other law, decodes without a
 //! logarithm. Levels of N/2 steps are every second of those of N, so one table serves all widths up to its own.
 
-use super::{Quantise, Step};
+use super::quantiser::{Quantise, Step};
 use crate::arithmetic::scale;
 
 /// Most levels in a table: those of a code of nine bits.
@@ -36,6 +36,11 @@ impl<'a> MuLaw<'a> {
         // At most 9.
         let bits = (count.trailing_zeros() as u8).wrapping_add(1);
         Some(Self { levels, bits })
+    }
+
+    /// The levels as a header has them.
+    pub const fn bytes(&self) -> &'a [u8] {
+        self.levels.as_flattened()
     }
 
     /// Most bits of a channel's code.

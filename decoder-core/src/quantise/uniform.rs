@@ -1,6 +1,6 @@
 //! Uniform quantisers: of values between two limits (7-4), and of differences about zero.
 
-use super::{Quantise, Step};
+use super::quantiser::{MAX_BITS, Quantise, Step};
 
 /// Values between two limits θ_L and θ_U in N steps of Δ = (θ_U − θ_L) / N: decision levels d_i = θ_L + i·Δ (7-4),
 /// reconstruction in the middle of two of them (7-3).
@@ -24,7 +24,7 @@ impl Grid {
     /// A grid of 2^bits steps that covers `low` to `high` with the least Δ that a mantissa of 15 bits has.
     /// `None` where `low` is above `high`, bits is not 1 to 16, or Δ would be 2³⁰ or more.
     pub fn covering(low: i32, high: i32, bits: u8) -> Option<Self> {
-        if low > high || !(1..=super::MAX_BITS).contains(&bits) {
+        if low > high || !(1..=MAX_BITS).contains(&bits) {
             return None;
         }
         let range = low.abs_diff(high);
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn the_error_is_half_a_step_between_the_limits() {
-        let mut random = Random(4);
+        let mut random = Random::new(4);
         for _ in 0..times(200_000, 300) {
             let bits = 1 + random.below(16) as u8;
             let (a, b) = (random.next() as i32 >> random.below(32), random.next() as i32 >> random.below(32));

@@ -1,8 +1,9 @@
 //! The loop that encoders run: choosing the nearest codes to what was decoded gives the same frames again.
 
-use crate::common::{LIMITS, Lent, header_bytes, vectors};
+use crate::common::{Heap, LIMITS, vectors};
 use decoder_core::I16F16;
-use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockHeader, Choose, Clip, Engine, State};
+use decoder_core::codec::RunningCodec;
+use decoder_core::mclip::{Choose, Clip, State};
 use decoder_core::quantise::{Quantise, Step};
 
 /// An encoder without a plan: every channel gets the code that is nearest to its value.
@@ -45,25 +46,22 @@ fn the_nearest_codes_to_a_clip_are_the_clip() {
         let bytes = &vector.bytes;
         let clip = Clip::parse(bytes, LIMITS).unwrap();
         let needs = clip.header().needs();
-        let (mut lent, mut again) = (Lent::new(needs), Lent::new(needs));
+        let (mut lent, mut again) = (Heap::new(needs), Heap::new(needs));
         let mut decoder = clip.decoder(lent.memory()).unwrap();
-        let mut engine = Engine::new(*clip.header(), again.memory()).unwrap();
-        let (mut at, mut number) = (header_bytes(bytes), 0);
+        let RunningCodec::Scalar(mut encoder) = clip.header().open(again.memory()).unwrap();
         let mut wrapped = false;
-        while at < bytes.len() {
-            let header = bytes[at..].first_chunk().unwrap();
-            let block = BlockHeader::read(header, at, clip.header(), Some(number)).unwrap();
+        for block in clip.blocks() {
+            let block = block.unwrap().header;
             for frame in 0..block.frames {
                 let pose = decoder.next_frame().unwrap().unwrap().to_vec();
                 let mut nearest = Nearest { frame: &pose, codes: 0, largest: 0, wrapped };
-                let found = engine.choose(&mut nearest, block.entry && frame == 0);
+                let found = encoder.choose(&mut nearest, block.entry && frame == 0);
                 wrapped = nearest.wrapped;
-                assert!(wrapped || found == pose, "{} frame {}", vector.name, number + u32::from(frame));
+                let number = block.first_frame + u32::from(frame);
+                assert!(wrapped || found == pose, "{} frame {number}", vector.name);
                 codes += nearest.codes;
                 largest = largest.max(nearest.largest);
             }
-            number += u32::from(block.frames);
-            at += BLOCK_HEADER_BYTES + usize::from(block.length);
         }
         all += 1;
         exact += usize::from(!wrapped);

@@ -1,7 +1,6 @@
 //! The golden vectors, and memory for decoders.
 
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, Header, Memory, Needs, Prefix, State};
-use decoder_core::predict::Correlation;
 use decoder_core::{I16F16, Limits};
 use std::fs;
 use std::path::Path;
@@ -28,28 +27,28 @@ pub fn vectors(list: &str) -> Vec<Vector> {
     vectors.filter(|vector| !cfg!(miri) || vector.bytes.len() < 1500).collect()
 }
 
-/// Memory for a decoder of mclip.
-pub struct Lent {
+/// Memory for a decoder of mclip, from the heap.
+pub struct Heap {
     pose: Vec<I16F16>,
     states: Vec<State>,
-    correlations: Vec<Correlation>,
-    words: Vec<u16>,
+    words: Vec<u32>,
+    halves: Vec<u16>,
 }
 
-impl Lent {
+impl Heap {
     /// Exactly what is needed, with something in it.
     pub fn new(needs: Needs) -> Self {
         Self {
             pose: vec![I16F16::MAX; needs.channels],
             states: vec![State::EMPTY; needs.channels],
-            correlations: vec![Correlation::EMPTY; needs.correlations],
-            words: vec![0xa5a5; needs.words],
+            words: vec![0xa5a5_a5a5; needs.words],
+            halves: vec![0xa5a5; needs.halves],
         }
     }
 
     pub fn memory(&mut self) -> Memory<'_> {
-        let Self { pose, states, correlations, words } = self;
-        Memory { pose, states, correlations, words }
+        let Self { pose, states, words, halves } = self;
+        Memory { pose, states, words, halves }
     }
 
     /// Takes an element off one of the four, in the order of [`Memory`].
@@ -57,22 +56,22 @@ impl Lent {
         match part {
             0 => drop(self.pose.pop()),
             1 => drop(self.states.pop()),
-            2 => drop(self.correlations.pop()),
-            _ => drop(self.words.pop()),
+            2 => drop(self.words.pop()),
+            _ => drop(self.halves.pop()),
         }
     }
 
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.pose)
             + size_of_val(&*self.states)
-            + size_of_val(&*self.correlations)
             + size_of_val(&*self.words)
+            + size_of_val(&*self.halves)
     }
 }
 
 /// A buffer for the longest block of a clip.
 pub fn block_buffer(header: &Header<'_>) -> Vec<u8> {
-    vec![0; usize::from(header.opening().block_bytes).max(BLOCK_HEADER_BYTES)]
+    vec![0; usize::from(header.fields().block_bytes).max(BLOCK_HEADER_BYTES)]
 }
 
 /// Bytes before a clip's first block.

@@ -1,6 +1,6 @@
 //! Clips of mclip that were damaged, or are none: where each error is, and how decoding goes on after it.
 
-use crate::common::{LIMITS, Lent, Vector, block_buffer, header_bytes, vectors};
+use crate::common::{Heap, LIMITS, Vector, block_buffer, header_bytes, vectors};
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockHeader, Clip, Header, Receiver, Stream};
 use decoder_core::{Error, Field, I16F16};
 
@@ -19,7 +19,7 @@ fn in_place(bytes: &[u8]) -> (Vec<Frame>, Result<(), Error>) {
     let mut frames = Vec::new();
     let end = (|| {
         let clip = Clip::parse(bytes, LIMITS)?;
-        let mut lent = Lent::new(clip.header().needs());
+        let mut lent = Heap::new(clip.header().needs());
         let mut decoder = clip.decoder(lent.memory())?;
         loop {
             match decoder.next_frame() {
@@ -38,7 +38,7 @@ fn in_place(bytes: &[u8]) -> (Vec<Frame>, Result<(), Error>) {
 /// Frames of a stream of sound header, in chunks, and how they ended.
 fn streamed(bytes: &[u8], size: usize) -> (Vec<Frame>, Result<(), Error>) {
     let header = Header::parse(bytes, LIMITS).unwrap();
-    let mut lent = Lent::new(header.needs());
+    let mut lent = Heap::new(header.needs());
     let mut block = block_buffer(&header);
     let mut frames = Vec::new();
     let mut stream = Stream::new(header, lent.memory(), &mut block).unwrap();
@@ -101,7 +101,7 @@ fn with_block(bytes: &[u8], number: usize, change: impl FnOnce(&mut BlockHeader,
     change(block, codes);
     *block = BlockHeader::of(codes, block.frames, block.first_frame, block.entry).unwrap();
     for (block, codes) in blocks {
-        clip.extend(block.bytes());
+        clip.extend(block.emit());
         clip.extend(codes);
     }
     clip
@@ -189,7 +189,7 @@ fn block_headers_that_no_encoder_writes_are_refused_where_they_are_wrong() {
         low,
         high,
     };
-    let most = u32::from(header.opening().block_bytes);
+    let most = u32::from(header.fields().block_bytes);
     check(1, malformed(Field::BlockLength, 0, most + 1, 0, most), &|_, codes| {
         codes.resize(most as usize + 1, 0);
     });
@@ -201,7 +201,7 @@ fn block_headers_that_no_encoder_writes_are_refused_where_they_are_wrong() {
     check(0, entry, &|block, _| block.entry = false);
 
     // As many frames as are left are right, if nothing follows.
-    let read = |block: BlockHeader, expected| BlockHeader::read(&block.bytes(), 5, &header, expected);
+    let read = |block: BlockHeader, expected| BlockHeader::read(&block.emit(), 5, &header, expected);
     let last = BlockHeader { frames: left as u16, ..blocks[1].0 };
     assert_eq!(read(last, Some(first)), Ok(last));
     assert!(frames < left);
@@ -222,7 +222,7 @@ fn codes_of_another_length_than_the_block_are_refused() {
     let length = u32::from(blocks[1].0.length);
     let before = usize::from(blocks[0].0.frames);
     let (sound, _) = in_place(&bytes);
-    assert!(length < u32::from(Header::parse(&bytes, LIMITS).unwrap().opening().block_bytes));
+    assert!(length < u32::from(Header::parse(&bytes, LIMITS).unwrap().fields().block_bytes));
 
     let longer = with_block(&bytes, 1, |_, codes| codes.push(0));
     let field = Field::BlockLength;
@@ -259,7 +259,7 @@ fn a_damaged_block_is_passed_by_seeking_to_the_next_entry_point() {
     let mut damaged = bytes.clone();
     damaged[offsets[1] + BLOCK_HEADER_BYTES] ^= 4;
     let clip = Clip::parse(&damaged, LIMITS).unwrap();
-    let mut lent = Lent::new(clip.header().needs());
+    let mut lent = Heap::new(clip.header().needs());
     let mut decoder = clip.decoder(lent.memory()).unwrap();
     let first = blocks[1].0.first_frame;
     let error = decoder.seek(first).unwrap_err();
@@ -276,8 +276,11 @@ fn a_damaged_block_is_passed_by_seeking_to_the_next_entry_point() {
     assert_eq!(decoder.seek(0).unwrap(), sound.first().map(Vec::as_slice));
     decoder.rewind();
     assert_eq!(decoder.next_frame().unwrap(), sound.first().map(Vec::as_slice));
-    assert_eq!((decoder.clip().blocks() as usize, decoder.clip().header_bytes()), (blocks.len(), offsets[0]));
-    assert_eq!(clip.entries() as usize, blocks.iter().filter(|(block, _)| block.entry).count());
+    assert_eq!(
+        (decoder.clip().block_count() as usize, decoder.clip().header_bytes()),
+        (blocks.len(), offsets[0])
+    );
+    assert_eq!(clip.entry_count() as usize, blocks.iter().filter(|(block, _)| block.entry).count());
 }
 
 #[test]
@@ -288,7 +291,7 @@ fn a_verified_clip_has_no_damaged_block() {
     assert!(!clip.is_verified());
     let verified = clip.verify().unwrap();
     assert!(verified.is_verified());
-    let mut lent = Lent::new(clip.header().needs());
+    let mut lent = Heap::new(clip.header().needs());
     let mut decoder = verified.decoder(lent.memory()).unwrap();
     for frame in &sound {
         assert_eq!(decoder.next_frame().unwrap(), Some(frame.as_slice()));
@@ -310,7 +313,7 @@ fn numbers_after_loss(bytes: &[u8], lost: usize, next: usize, size: usize) -> Ve
     let (sound, _) = in_place(bytes);
     let header = Header::parse(bytes, LIMITS).unwrap();
     let start = header_bytes(bytes);
-    let mut lent = Lent::new(header.needs());
+    let mut lent = Heap::new(header.needs());
     let mut block = block_buffer(&header);
     let mut stream = Stream::new(header, lent.memory(), &mut block).unwrap();
     let mut numbers = Vec::new();
@@ -352,7 +355,7 @@ fn a_stream_goes_on_at_the_first_entry_point_after_a_loss() {
 fn skipped_blocks_are_no_end() {
     let bytes = of_blocks();
     let (offsets, header) = (offsets(&bytes), Header::parse(&bytes, LIMITS).unwrap());
-    let mut lent = Lent::new(header.needs());
+    let mut lent = Heap::new(header.needs());
     let mut block = block_buffer(&header);
     let mut stream = Stream::new(header, lent.memory(), &mut block).unwrap();
     stream.resume();
@@ -371,15 +374,15 @@ fn memory_that_is_too_small_is_told_with_the_size_that_is_needed() {
         let parts = [
             (Field::Pose, needs.channels),
             (Field::States, needs.channels),
-            (Field::Correlations, needs.correlations),
-            (Field::CodeTables, needs.words),
+            (Field::Words, needs.words),
+            (Field::Halves, needs.halves),
         ];
         for (part, (field, needed)) in parts.into_iter().enumerate() {
             if needed == 0 {
                 continue;
             }
             seen[part] += 1;
-            let mut own = Lent::new(needs);
+            let mut own = Heap::new(needs);
             own.shrink(part);
             let error = Error::OutputTooSmall { field, needed, lent: needed - 1 };
             let clip = Clip::parse(&bytes, LIMITS).unwrap();
@@ -390,7 +393,7 @@ fn memory_that_is_too_small_is_told_with_the_size_that_is_needed() {
         let needed = block_buffer(&header).len();
         let mut block = vec![0; needed - 1];
         let error = Error::OutputTooSmall { field: Field::Payload, needed, lent: needed - 1 };
-        let mut lent = Lent::new(needs);
+        let mut lent = Heap::new(needs);
         assert_eq!(Stream::new(header, lent.memory(), &mut block).unwrap_err(), error);
         let needed = header_bytes(&bytes);
         let mut buffer = vec![0; needed - 1];
@@ -405,6 +408,6 @@ fn memory_that_is_too_small_is_told_with_the_size_that_is_needed() {
 fn needs_count_every_byte() {
     for Vector { bytes, .. } in vectors("SHA256SUMS.mclip") {
         let needs = Header::parse(&bytes, LIMITS).unwrap().needs();
-        assert_eq!(needs.bytes(), Lent::new(needs).bytes());
+        assert_eq!(needs.bytes(), Heap::new(needs).bytes());
     }
 }

@@ -1,10 +1,10 @@
 //! The golden vectors by every way to decode, in the core's own tests: so they run under Miri, as big-endian code too,
 //! and against every mutant (docs/TESTING.md).
 
-use crate::common::{LIMITS, Lent, Vector, block_buffer, vectors};
-use decoder_core::mclip::{self, Receiver};
+use crate::common::{Heap, LIMITS, Vector, block_buffer, vectors};
+use decoder_core::mclip::{self, EntryPoint, Receiver};
 use decoder_core::qmd::{self, MAX_INDEX_BITS};
-use decoder_core::{Error, I16F16};
+use decoder_core::{Error, Field, I16F16};
 use sha2::{Digest, Sha256};
 
 /// Chunks to stream in.
@@ -66,7 +66,7 @@ fn qmd_streamed() {
 fn mclip_in_place() {
     for Vector { name, bytes, sha256 } in vectors("SHA256SUMS.mclip") {
         let clip = mclip::Clip::parse(&bytes, LIMITS).unwrap();
-        let mut lent = Lent::new(clip.header().needs());
+        let mut lent = Heap::new(clip.header().needs());
         let mut decoder = clip.decoder(lent.memory()).unwrap();
         let mut frames = Vec::new();
         for _ in 0..2 {
@@ -82,6 +82,10 @@ fn mclip_in_place() {
             decoder.rewind();
             assert_eq!(decoder.position(), 0);
         }
+        let mut index = vec![EntryPoint::EMPTY; clip.entry_count() as usize];
+        let indexed = clip.with_index(&mut index).unwrap();
+        let mut other = Heap::new(clip.header().needs());
+        let mut by_index = indexed.decoder(other.memory()).unwrap();
         // The golden ratio visits the clip in jumps both ways.
         let mut at = 0;
         for _ in 0..24 {
@@ -89,10 +93,13 @@ fn mclip_in_place() {
             let before = decoder.position();
             decoder.approach(at as u32).unwrap();
             let near = decoder.position();
+            by_index.approach(at as u32).unwrap();
+            assert_eq!(by_index.position(), near, "{name} near {at}");
+            assert_eq!(by_index.seek(at as u32).unwrap(), Some(frames[at].as_slice()), "{name}: {at}");
             assert!(near <= at as u32, "{name} near {at}: {near}");
             // Where it did not stay it is at an entry point, which decodes by itself, and so does not depend on what was before.
             if near != before {
-                let mut other = Lent::new(clip.header().needs());
+                let mut other = Heap::new(clip.header().needs());
                 let mut fresh = clip.decoder(other.memory()).unwrap();
                 fresh.approach(near).unwrap();
                 assert_eq!(fresh.position(), near, "{name}: no entry point");
@@ -115,7 +122,7 @@ fn streamed(bytes: &[u8], size: usize) -> Result<String, Error> {
         chunk = chunks.next().unwrap();
     }
     let header = receiver.finish(LIMITS)?;
-    let mut lent = Lent::new(header.needs());
+    let mut lent = Heap::new(header.needs());
     let mut block = block_buffer(&header);
     let mut stream = mclip::Stream::new(header, lent.memory(), &mut block)?;
     let mut sha = Sha256::new();
@@ -140,4 +147,25 @@ fn mclip_streamed() {
             assert_eq!(streamed(&bytes, size).as_ref(), Ok(&sha256), "{name} in chunks of {size}");
         }
     }
+}
+
+#[test]
+fn an_index_has_the_entry_points_of_the_clip() {
+    let mut points = 0;
+    for Vector { name, bytes, .. } in vectors("SHA256SUMS.mclip") {
+        let clip = mclip::Clip::parse(&bytes, LIMITS).unwrap();
+        let needed = clip.entry_count() as usize;
+        let mut memory = vec![EntryPoint { first_frame: 9, at: 9 }; needed];
+        let lent = needed - 1;
+        let error = Error::OutputTooSmall { field: Field::Entry, needed, lent };
+        assert_eq!(clip.with_index(&mut memory[..lent]).unwrap_err(), error, "{name}");
+        clip.with_index(&mut memory).unwrap();
+        let blocks = clip.blocks().map(Result::unwrap);
+        let entries = blocks.filter(|block| block.header.entry);
+        let expected =
+            entries.map(|block| EntryPoint { first_frame: block.header.first_frame, at: block.at as u32 });
+        assert_eq!(memory, expected.collect::<Vec<_>>(), "{name}");
+        points += needed;
+    }
+    assert!(points > 40, "{points}");
 }

@@ -3,8 +3,11 @@
 
 use crate::common::{LIMITS, vectors};
 use decoder_core::bits::BitReader;
+use decoder_core::codec::LinkedCodec;
+use decoder_core::codec::adpcm::Steps;
+use decoder_core::codec::scalar::LinkedScalar;
 use decoder_core::entropy::{Huffman, SymbolSource};
-use decoder_core::mclip::{Codec, EntropyId, Header};
+use decoder_core::mclip::{EntropyId, Header};
 use decoder_core::quantise::Quantise;
 use decoder_core::quantise::step;
 
@@ -73,9 +76,9 @@ fn every_window_of_sixteen_bits_of_every_table_of_the_vectors() {
         if header.entropy() != EntropyId::Huffman {
             continue;
         }
-        let mut memory = vec![0; header.needs().words];
-        let mut huffman = Huffman::build(header.opening().tables, &mut memory).unwrap();
-        for (number, table) in tables(header.opening().tables).iter().enumerate() {
+        let mut memory = vec![0; header.needs().halves];
+        let mut huffman = Huffman::build(header.fields().tables, &mut memory).unwrap();
+        for (number, table) in tables(header.fields().tables).iter().enumerate() {
             for window in (0..1u32 << 16).step_by(if cfg!(miri) { 8009 } else { 1 }) {
                 // Behind it comes what an escape at its end goes on with.
                 let window = window << 16 | 0xa5c3;
@@ -102,8 +105,8 @@ fn every_transition_of_the_quantisers_of_the_vectors() {
     let mut count = 0;
     for vector in vectors("SHA256SUMS.mclip") {
         let header = Header::parse(&vector.bytes, LIMITS).unwrap();
-        let Codec::Adpcm(adpcm) = header.codec() else { continue };
-        let quantiser = adpcm.quantiser;
+        let &LinkedCodec::Scalar(LinkedScalar::Adpcm(adpcm)) = header.codec() else { continue };
+        let Steps::Adaptive(quantiser) = adpcm.steps else { continue };
         for bits in 1..=if cfg!(miri) { 3 } else { 10u8 } {
             let codes = 1i64 << bits;
             for index in (quantiser.low..=quantiser.high).step_by(if cfg!(miri) { 67 } else { 1 }) {

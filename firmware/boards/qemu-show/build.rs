@@ -1,7 +1,7 @@
 //! Puts a show into the image: `bunraku show` makes the files and names them.
 //!
 //! - `BUNRAKU_CLIPS`: how many clips, at least one; `BUNRAKU_CLIP0` and so on: their paths (.qmd or .mclip)
-//! - `BUNRAKU_MAP`: path of a joint map as postcard bytes
+//! - `BUNRAKU_MAP`: path of a joint map, the bytes of docs/MAP.md
 //! - `BUNRAKU_SHOW`: path of Rust source with the constants `SHOW` and `ORDERS`
 //! - `BUNRAKU_SLACK_US`: how late servos may answer, in microseconds
 //!
@@ -9,8 +9,10 @@
 
 #[path = "../board_x.rs"]
 mod board_x;
+#[path = "../clip_sizes.rs"]
+mod clip_sizes;
 
-use decoder_core::{Limits, mclip, qmd};
+use clip_sizes::{Sizes, constants};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -42,34 +44,28 @@ fn main() {
 
 /// The clips, and how much memory a decoder of the greediest needs.
 fn source(clips: &[(PathBuf, Vec<u8>)]) -> String {
-    let (mut channels, mut correlations, mut words, mut table) = (1, 0, 0, 0);
+    let mut most = Sizes { channels: 1, ..Sizes::default() };
     let mut list = String::new();
     for (path, clip) in clips {
-        if clip.starts_with(&mclip::MAGIC) {
-            let parsed = mclip::Clip::parse(clip, Limits::MAX)
-                .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-            let needs = parsed.header().needs();
-            channels = channels.max(needs.channels);
-            correlations = correlations.max(needs.correlations);
-            words = words.max(needs.words);
-        } else {
-            let parsed = qmd::Clip::parse(clip, Limits::MAX)
-                .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-            channels = channels.max(parsed.channels());
-            table = table.max(parsed.table_len());
-        }
+        let Sizes { channels, words, halves, table } = Sizes::of(&path.display().to_string(), clip);
+        most = Sizes {
+            channels: most.channels.max(channels),
+            words: most.words.max(words),
+            halves: most.halves.max(halves),
+            table: most.table.max(table),
+        };
         writeln!(list, "    include_bytes!({path:?}),").expect("a string takes everything");
     }
     let sizes = [
-        ("CHANNELS", channels),
-        ("CORRELATIONS", correlations),
-        ("WORDS", words),
-        ("TABLE", table),
+        ("CHANNELS", most.channels),
+        ("WORDS", most.words),
+        ("HALVES", most.halves),
+        ("TABLE", most.table),
         ("CLIPS", clips.len()),
     ];
     let room =
         format!("/// Clips that there is room for.\npub const COUNT: usize = {};\n", clips.len().max(1));
-    let sizes = sizes.map(|(name, size)| format!("const {name}: usize = {size};\n")).concat();
+    let sizes = constants(&sizes);
     format!("{sizes}{room}/// The clips.\npub static FILES: [&[u8]; CLIPS] = [\n{list}];\n")
 }
 

@@ -1,12 +1,16 @@
 //! Puts the clip and the joint map into the image.
 //!
 //! - `BUNRAKU_CLIP`: path of a .qmd or .mclip, absolute or from this folder
-//! - `BUNRAKU_MAP`: path of a joint map as postcard bytes (`bunraku image` makes it from a puppet.toml)
+//! - `BUNRAKU_MAP`: path of a joint map, the bytes of docs/MAP.md (`bunraku image` makes it from a puppet.toml)
 //! - `BUNRAKU_CENTIHERTZ`: the rate to play at instead of the clip's own, in hundredths of a hertz
 //!
 //! Without the first two the image plays the embedded sample on puppets/sample.toml.
 
-use decoder_core::{Limits, mclip, qmd};
+#[path = "../clip_sizes.rs"]
+mod clip_sizes;
+
+use clip_sizes::{Sizes, constants};
+use decoder_core::mclip;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
@@ -18,12 +22,10 @@ fn main() {
         _ => panic!("set both BUNRAKU_CLIP and BUNRAKU_MAP, or neither"),
     };
     println!("cargo:rustc-check-cfg=cfg(mclip)");
-    let sizes = if clip.starts_with(&mclip::MAGIC) {
+    if clip.starts_with(&mclip::MAGIC) {
         println!("cargo:rustc-cfg=mclip");
-        mclip_sizes(&clip)
-    } else {
-        qmd_sizes(&clip)
-    };
+    }
+    let sizes = sizes(&clip);
     for (name, bytes) in [("clip", clip), ("map.postcard", map), ("sizes.rs", sizes.into_bytes())] {
         fs::write(out.join(name), bytes).unwrap_or_else(|error| panic!("cannot write {name}: {error}"));
     }
@@ -32,25 +34,14 @@ fn main() {
     println!("cargo:rustc-env=BUNRAKU_CENTIHERTZ={centihertz}");
 }
 
-/// How much memory the decoder of a .mclip needs.
-fn mclip_sizes(clip: &[u8]) -> String {
-    let clip = mclip::Clip::parse(clip, Limits::MAX).unwrap_or_else(|error| panic!("BUNRAKU_CLIP: {error}"));
-    let needs = clip.header().needs();
-    sizes(&[("CHANNELS", needs.channels), ("CORRELATIONS", needs.correlations), ("WORDS", needs.words)])
-}
-
-/// How much memory the decoder of a .qmd is lent: none for a table longer than 256 values, which is read in place.
-fn qmd_sizes(clip: &[u8]) -> String {
-    let clip = qmd::Clip::parse(clip, Limits::MAX).unwrap_or_else(|error| panic!("BUNRAKU_CLIP: {error}"));
-    let table = if clip.table_len() <= 256 { clip.table_len() } else { 0 };
-    sizes(&[("CHANNELS", clip.channels()), ("TABLE", table)])
-}
-
-fn sizes(sizes: &[(&str, usize)]) -> String {
-    let lines = sizes
-        .iter()
-        .map(|(name, size)| format!("/// Elements that the decoder needs.\nconst {name}: usize = {size};\n"));
-    lines.collect()
+/// The constants of a clip's decoder. A table of a .qmd that is longer than 256 values is read in place.
+fn sizes(clip: &[u8]) -> String {
+    let Sizes { channels, words, halves, table } = Sizes::of("BUNRAKU_CLIP", clip);
+    if clip.starts_with(&mclip::MAGIC) {
+        constants(&[("CHANNELS", channels), ("WORDS", words), ("HALVES", halves)])
+    } else {
+        constants(&[("CHANNELS", channels), ("TABLE", if table <= 256 { table } else { 0 })])
+    }
 }
 
 fn path(variable: &str) -> Option<PathBuf> {
@@ -67,7 +58,7 @@ fn read(path: &Path) -> Vec<u8> {
 #[cfg(feature = "sample")]
 fn sample() -> (Vec<u8>, Vec<u8>) {
     use encoder::qmd::{Method, Parameters, encode};
-    use host_sim::puppet::Puppet;
+    use puppet_file::Puppet;
 
     let clip = mocap::sample::clip();
     let bytes = encode(&clip, Parameters::TABLE_1, Method::ClosedLoop).expect("the sample fits the format");

@@ -56,7 +56,7 @@ impl Parser {
     pub fn feed(&mut self, byte: u8) -> Option<Goal> {
         if let Some(slot) = self.window.get_mut(self.len) {
             *slot = byte;
-            self.len += 1;
+            self.len = self.len.saturating_add(1);
         }
         if let [START, id, high, low, END] = self.window
             && self.len == FRAME_LEN
@@ -66,13 +66,13 @@ impl Parser {
         }
         let seen = self.window.get(..self.len).unwrap_or_default();
         let from = if self.len == FRAME_LEN || seen.first() != Some(&START) {
-            let behind = seen.iter().skip(1).position(|&byte| byte == START);
-            behind.map_or(self.len, |at| at + 1)
+            let start = seen.iter().enumerate().skip(1).find(|(_, byte)| **byte == START);
+            start.map_or(self.len, |(at, _)| at)
         } else {
             0
         };
         self.window.copy_within(from..self.len, 0);
-        self.len -= from;
+        self.len = self.len.saturating_sub(from);
         None
     }
 }
@@ -99,7 +99,7 @@ impl<W: Write, T: DelayNs> BlenderBus<W, T> {
     /// Longest time in microseconds that [`write_goals`](ServoBus::write_goals) takes.
     #[must_use]
     pub const fn write_limit_us(baud: u32, servos: usize) -> u32 {
-        let bits = (10 * FRAME_LEN * servos) as u32;
+        let bits = (10 * FRAME_LEN).saturating_mul(servos) as u32;
         let baud = if baud == 0 { 1 } else { baud };
         bits.saturating_mul(1_000_000 / 200).div_ceil(baud).saturating_mul(200).saturating_add(20_000)
     }
@@ -120,7 +120,7 @@ impl<W: Write, T: DelayNs> ServoBus for BlenderBus<W, T> {
             return Err(BusError::TooMany);
         }
         let limit = Self::write_limit_us(self.baud, goals.len());
-        self.refresh = if self.refresh + 1 < goals.len() { self.refresh + 1 } else { 0 };
+        self.refresh = Some(self.refresh.saturating_add(1)).filter(|&next| next < goals.len()).unwrap_or(0);
         let Self { output, delay, sent, refresh, .. } = self;
         let write = async {
             for (index, (goal, sent)) in goals.iter().zip(sent).enumerate() {
@@ -142,6 +142,7 @@ impl<W: Write, T: DelayNs> ServoBus for BlenderBus<W, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::NoTime;
     use core::future::pending;
     use embassy_futures::block_on;
 
@@ -212,12 +213,6 @@ mod tests {
         async fn flush(&mut self) -> Result<(), Self::Error> {
             Ok(())
         }
-    }
-
-    struct NoTime;
-
-    impl DelayNs for NoTime {
-        async fn delay_ns(&mut self, _ns: u32) {}
     }
 
     #[test]

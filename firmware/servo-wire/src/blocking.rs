@@ -1,14 +1,13 @@
 //! The same buses for code without an executor, over blocking traits.
 //!
 //! ```ignore
-//! let port = Port::new(Polled(uart), pin, PolledDelay::new(timer), Line::uart(1_000_000));
+//! let port = Port::new(Polled(uart), pin, PolledDelay::new(timer), LineConfig::uart(1_000_000));
 //! let mut bus = DynamixelBus::new(Client::new(port));
 //! block_on(bus.write_goals(&goals))?;
 //! ```
 
 use core::future::poll_fn;
 use core::task::Poll;
-pub use embassy_futures::block_on;
 use embedded_hal::delay::DelayNs;
 use embedded_io::{ErrorType, Read, ReadReady, Write};
 
@@ -69,7 +68,7 @@ impl<D: DelayNs> embedded_hal_async::delay::DelayNs for PolledDelay<D> {
             }
             let step = left.min(self.step_ns);
             self.delay.delay_ns(step);
-            left -= step;
+            left = left.saturating_sub(step);
             context.waker().wake_by_ref();
             Poll::Pending
         })

@@ -1,7 +1,7 @@
 //! Servo buses: what the player asks of servos, whatever wire they hang on.
 //!
 //! [`ServoBus`] is implemented for Dynamixel protocol 2.0 and 1.0, Feetech, hobby servos by PWM and by PCA9685, and
-//! the Blender live frame; [`Both`](crate::both::Both) joins two buses to one.
+//! the Blender live frame; [`JoinedBuses`](crate::joined::JoinedBuses) makes one bus of several.
 
 use core::fmt;
 

@@ -9,10 +9,10 @@ use crate::bus::MAX_SERVOS;
 use crate::bus::{
     BusError, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE, Goal, Reading, ServoBus,
 };
-use crate::port::Line;
-use crate::protocol1::Client;
+use crate::port::LineConfig;
+use crate::protocol1::Protocol1Client;
 use crate::protocol1::packet::OVERHEAD;
-use crate::roll::{Ask, InTurn, PROBE_EXCHANGES, Roll};
+use crate::read_schedule::{AnswerOrder, PROBE_EXCHANGES, ReadSchedule, ServoReader};
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::{Read, Write};
@@ -67,8 +67,8 @@ impl Series {
 /// A number whose sign is the bit `sign`, and whose size the bits below it.
 fn signed(value: u16, sign: u32) -> i32 {
     let bit = 1 << sign;
-    let size = i32::from(value & (bit - 1));
-    if value & bit == 0 { size } else { -size }
+    let size = i32::from(value & !(u16::MAX << sign));
+    if value & bit == 0 { size } else { size.wrapping_neg() }
 }
 
 /// Bits of a servo's error byte as those of a [`Reading`]; in the servo: voltage, sensor, heat, current, (none), load.
@@ -95,53 +95,55 @@ fn reading(series: Series, error: u8, data: &[u8]) -> Option<Reading> {
 /// Bytes on the wire of a tick of this many servos: the Sync Write of their goals, and the reads with their answers.
 #[must_use]
 pub const fn tick_bytes(series: Series, servos: usize) -> usize {
-    let goals = OVERHEAD + 2 + servos * 3;
+    let goals = servos.saturating_mul(3).saturating_add(OVERHEAD + 2);
     let questions = match series {
-        Series::Sts => OVERHEAD + 2 + servos,
-        Series::Scs => servos * (OVERHEAD + 2),
+        Series::Sts => servos.saturating_add(OVERHEAD + 2),
+        Series::Scs => servos.saturating_mul(OVERHEAD + 2),
     };
-    goals + questions + servos * (OVERHEAD + BLOCK_LEN)
+    let answers = servos.saturating_mul(OVERHEAD + BLOCK_LEN);
+    goals.saturating_add(questions).saturating_add(answers)
 }
 
 /// Feetech servos of one series on one port, at most [`MAX_SERVOS`].
 ///
 /// Speed and acceleration of the goals are those that the servo holds: after a restart none, as fast as it can. They have
-/// no watchdog. `N`: see [`Client`].
+/// no watchdog. `N`: see [`Protocol1Client`].
 #[derive(Debug)]
 pub struct FeetechBus<U, D, T, const N: usize = 192> {
     reader: Reader<U, D, T, N>,
-    roll: Roll,
+    schedule: ReadSchedule,
 }
 
 /// What reads, apart from who is read.
 #[derive(Debug)]
 struct Reader<U, D, T, const N: usize> {
-    client: Client<U, D, T, N>,
+    client: Protocol1Client<U, D, T, N>,
     series: Series,
 }
 
 impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> FeetechBus<U, D, T, N> {
     /// A bus on a client's port.
-    pub const fn new(client: Client<U, D, T, N>, series: Series) -> Self {
-        Self { reader: Reader { client, series }, roll: Roll::new() }
+    pub const fn new(client: Protocol1Client<U, D, T, N>, series: Series) -> Self {
+        Self { reader: Reader { client, series }, schedule: ReadSchedule::new() }
     }
 
     /// The client, for what the player does not need.
-    pub fn client(&mut self) -> &mut Client<U, D, T, N> {
+    pub fn client(&mut self) -> &mut Protocol1Client<U, D, T, N> {
         &mut self.reader.client
     }
 
     /// Longest time in microseconds that [`read_all`](ServoBus::read_all) takes, when servos fall silent.
     #[must_use]
-    pub const fn read_limit_us(line: &Line, servos: usize) -> u32 {
+    pub const fn read_limit_us(line: &LineConfig, servos: usize) -> u32 {
         let exchange = line.exchange_limit_us(OVERHEAD + 2, OVERHEAD + BLOCK_LEN, 1);
-        let question = line.exchange_limit_us(OVERHEAD + 2 + servos, 0, 0);
-        exchange.saturating_mul(2 * servos as u32 + PROBE_EXCHANGES).saturating_add(2 * question)
+        let question = line.exchange_limit_us(servos.saturating_add(OVERHEAD + 2), 0, 0);
+        let exchanges = (servos as u32).saturating_mul(2).saturating_add(PROBE_EXCHANGES);
+        exchange.saturating_mul(exchanges).saturating_add(question.saturating_mul(2))
     }
 }
 
-impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U, D, T, N> {
-    async fn together(
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoReader for Reader<U, D, T, N> {
+    async fn read_together(
         &mut self,
         ids: &[u8],
         places: &[u8],
@@ -150,7 +152,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U
         if self.series == Series::Sts {
             let asked: Vec<u8, MAX_SERVOS> =
                 places.iter().filter_map(|&place| ids.get(usize::from(place)).copied()).collect();
-            let mut turn = InTurn::default();
+            let mut turn = AnswerOrder::default();
             let each = |at: usize, error: u8, data: &[u8]| {
                 if let Some(&place) = places.get(at)
                     && let Some(slot) = readings.get_mut(usize::from(place))
@@ -160,10 +162,10 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U
             };
             return self.client.sync_read(BLOCK, BLOCK_LEN as u8, &asked, each).await.map(drop);
         }
-        self.one_by_one(ids, places, readings).await
+        self.read_one_by_one(ids, places, readings).await
     }
 
-    async fn alone(&mut self, id: u8, _index: usize) -> Result<Reading, BusError> {
+    async fn read_alone(&mut self, id: u8, _index: usize) -> Result<Reading, BusError> {
         let mut data = [0; BLOCK_LEN];
         let error = self.client.read(id, BLOCK, &mut data).await?;
         reading(self.series, error, &data).ok_or(BusError::Corrupt)
@@ -184,7 +186,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoBus for Fee
         if own != id {
             return Err(BusError::Corrupt);
         }
-        self.roll.answered(index);
+        self.schedule.note_answer(index);
         Ok(())
     }
 
@@ -203,7 +205,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoBus for Fee
     }
 
     async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
-        self.roll.call(&mut self.reader, ids, readings).await
+        self.schedule.read_all(&mut self.reader, ids, readings).await
     }
 
     async fn reboot(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {

@@ -37,7 +37,7 @@ impl OutputPin for Automatic {
 
 /// What the port knows of its wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Line {
+pub struct LineConfig {
     /// Bits per second, 1200 or more; a byte takes ten.
     pub baud: u32,
     /// Longest that a servo waits before it answers, in microseconds. Dynamixel and Feetech servos leave the
@@ -53,13 +53,14 @@ pub struct Line {
     pub echo: bool,
 }
 
-impl Line {
+impl LineConfig {
     /// A microcontroller's UART at this rate, servos with a return delay time of 0, no echo.
     #[must_use]
     pub const fn uart(baud: u32) -> Self {
         Self { baud, return_delay_us: 0, slack_us: 300, turnaround_us: 0, echo: false }
     }
 
+    #[allow(clippy::arithmetic_side_effects, reason = "the rate is between 1200 and u32::MAX")]
     const fn byte_ns(&self) -> u32 {
         let baud = if self.baud < 1200 { 1200 } else { self.baud };
         let (whole, rest) = (1_000_000_000 / baud, 1_000_000_000 % baud);
@@ -116,7 +117,7 @@ pub struct Port<U, D, T> {
     uart: U,
     direction: D,
     delay: T,
-    line: Line,
+    line: LineConfig,
     traffic: Traffic,
 }
 
@@ -132,18 +133,18 @@ impl<D: OutputPin> Drop for Sending<'_, D> {
 
 impl<U: Read + Write, D: OutputPin, T: DelayNs> Port<U, D, T> {
     /// A port that receives until something is sent.
-    pub fn new(uart: U, mut direction: D, delay: T, line: Line) -> Self {
+    pub fn new(uart: U, mut direction: D, delay: T, line: LineConfig) -> Self {
         let _ = direction.set_low();
         Self { uart, direction, delay, line, traffic: Traffic::default() }
     }
 
     /// What the port knows of its wire.
-    pub fn line(&self) -> &Line {
+    pub fn line(&self) -> &LineConfig {
         &self.line
     }
 
     /// Changes what the port knows of its wire; the UART's own rate is the caller's matter.
-    pub fn set_line(&mut self, line: Line) {
+    pub fn set_line(&mut self, line: LineConfig) {
         self.line = line;
     }
 
@@ -195,7 +196,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs> Port<U, D, T> {
     }
 
     /// Gives `take` the bytes that come until it breaks, for at most `limit_us` microseconds
-    /// ([`Line::reply_limit_us`]). Bytes that came together with those that made it break are lost.
+    /// ([`LineConfig::reply_limit_us`]). Bytes that came together with those that made it break are lost.
     ///
     /// # Errors
     /// [`BusError::NoReply`] when nothing came, [`BusError::Corrupt`] when bytes came and `take` wanted more,
@@ -207,7 +208,8 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs> Port<U, D, T> {
     ) -> Result<R, BusError> {
         let Self { uart, delay, line, traffic, .. } = self;
         // More than that cannot come in this time; only a port that never waits gets there.
-        let mut budget = (limit_us / line.byte_ns().div_ceil(1000)).saturating_add(BACKLOG);
+        let mut budget =
+            limit_us.checked_div(line.byte_ns().div_ceil(1000)).unwrap_or(0).saturating_add(BACKLOG);
         let mut error = BusError::NoReply;
         let read = async {
             let mut chunk = [0; CHUNK];
@@ -225,7 +227,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs> Port<U, D, T> {
                     }
                     // Framing, parity, overrun: noise on the line, so the bytes that follow count.
                     Err(_) => {
-                        budget -= 1;
+                        budget = budget.saturating_sub(1);
                         if error == BusError::NoReply {
                             error = BusError::Port;
                         }
@@ -269,7 +271,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs> Port<U, D, T> {
                         }
                         rest = later;
                     }
-                    Ok(0) | Err(_) => failures -= 1,
+                    Ok(0) | Err(_) => failures = failures.saturating_sub(1),
                 }
             }
             rest.is_empty()

@@ -4,22 +4,23 @@
 //! its line stays low, and it is limp. Nothing can be read back.
 
 use crate::bus::{BusError, Goal, ServoBus};
-pub use embedded_hal::pwm::{ErrorType, SetDutyCycle};
+use embedded_hal::pwm::SetDutyCycle;
 
 /// Counts per second of a timer whose pulses are as long as they are told to the microsecond, and whose period fits 16 bits.
 pub const COUNTS_HZ: u32 = 2_500_000;
 
 /// How a timer that counts [`COUNTS_HZ`] gives a number of pulses a second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Timing {
+pub struct PwmTiming {
     /// Its greatest duty, and the count after which it starts again.
     pub top: u16,
     /// Its period in microseconds.
     pub period_us: u16,
 }
 
-impl Timing {
+impl PwmTiming {
     /// For this many pulses a second: 40 to 400, which are so far apart that the longest pulse fits.
+    #[allow(clippy::arithmetic_side_effects, reason = "the rate is at least 40")]
     pub const fn of(hz: u32) -> Option<Self> {
         if hz < 40 || hz > 400 {
             return None;
@@ -29,7 +30,7 @@ impl Timing {
 
     /// How long a pulse of so many counts is, in tenths of a microsecond.
     pub const fn tenths_us(counts: u16) -> u32 {
-        counts as u32 * (10_000_000 / COUNTS_HZ)
+        (counts as u32).saturating_mul(10_000_000 / COUNTS_HZ)
     }
 }
 
@@ -64,27 +65,24 @@ impl Default for Calibration {
 
 /// What a servo without feedback was told last.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Told {
-    pulse_us: Option<u16>,
+pub(crate) struct HobbyCommand {
+    /// The pulse of its goal.
+    goal_us: Option<u16>,
     torque: bool,
 }
 
-impl Told {
-    /// Notes the goal's pulse; returns what to output.
-    pub(crate) fn goal(&mut self, pulse_us: u16) -> u16 {
-        self.pulse_us = Some(pulse_us);
-        self.output()
+impl HobbyCommand {
+    pub(crate) const fn set_goal(&mut self, pulse_us: u16) {
+        self.goal_us = Some(pulse_us);
     }
 
-    /// Notes the torque; returns what to output.
-    pub(crate) fn torque(&mut self, on: bool) -> u16 {
+    pub(crate) const fn set_torque(&mut self, on: bool) {
         self.torque = on;
-        self.output()
     }
 
-    /// Length of the pulse in microseconds; 0 is none.
-    pub(crate) fn output(&self) -> u16 {
-        self.pulse_us.filter(|_| self.torque).unwrap_or(0)
+    /// Length of the pulse that the servo gets, in microseconds; 0 is none.
+    pub(crate) fn pulse_us(&self) -> u16 {
+        self.goal_us.filter(|_| self.torque).unwrap_or(0)
     }
 }
 
@@ -98,17 +96,17 @@ pub(crate) fn channel_of(ids: &[u8], index: usize) -> Option<usize> {
 pub struct Channel<P> {
     pin: P,
     calibration: Calibration,
-    told: Told,
+    command: HobbyCommand,
 }
 
 impl<P: SetDutyCycle> Channel<P> {
     /// A servo on a channel that runs already.
     pub const fn new(pin: P, calibration: Calibration) -> Self {
-        Self { pin, calibration, told: Told { pulse_us: None, torque: false } }
+        Self { pin, calibration, command: HobbyCommand { goal_us: None, torque: false } }
     }
 
-    fn output(&mut self, pulse_us: u16, period_us: u16) -> Result<(), BusError> {
-        let result = match pulse_us {
+    fn output(&mut self, period_us: u16) -> Result<(), BusError> {
+        let result = match self.command.pulse_us() {
             0 => self.pin.set_duty_cycle_fully_off(),
             pulse => self.pin.set_duty_cycle_fraction(pulse.min(period_us), period_us.max(1)),
         };
@@ -138,8 +136,8 @@ impl<P: SetDutyCycle, const N: usize> ServoBus for PwmBus<P, N> {
     async fn set_torque(&mut self, ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
         let channel = channel_of(ids, index).and_then(|channel| self.channels.get_mut(channel));
         let channel = channel.ok_or(BusError::TooMany)?;
-        let pulse = channel.told.torque(on);
-        channel.output(pulse, self.period_us)
+        channel.command.set_torque(on);
+        channel.output(self.period_us)
     }
 
     async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
@@ -149,8 +147,8 @@ impl<P: SetDutyCycle, const N: usize> ServoBus for PwmBus<P, N> {
                 result = result.and(Err(BusError::TooMany));
                 continue;
             };
-            let pulse = channel.told.goal(channel.calibration.pulse_us(goal.position));
-            result = result.and(channel.output(pulse, self.period_us));
+            channel.command.set_goal(channel.calibration.pulse_us(goal.position));
+            result = result.and(channel.output(self.period_us));
         }
         result
     }
@@ -160,7 +158,7 @@ impl<P: SetDutyCycle, const N: usize> ServoBus for PwmBus<P, N> {
 mod tests {
     use super::*;
     use embassy_futures::block_on;
-    use embedded_hal::pwm::ErrorKind;
+    use embedded_hal::pwm::{ErrorKind, ErrorType};
 
     /// A channel of 0 to 40,000 counts, half a microsecond each at 50 Hz.
     #[derive(Default)]
@@ -227,14 +225,14 @@ mod tests {
 
     #[test]
     fn a_timer_gives_pulses_to_the_microsecond() {
-        assert_eq!(Timing::of(50), Some(Timing { top: 50_000, period_us: 20_000 }));
-        assert!(Timing::of(39).is_none() && Timing::of(401).is_none());
+        assert_eq!(PwmTiming::of(50), Some(PwmTiming { top: 50_000, period_us: 20_000 }));
+        assert!(PwmTiming::of(39).is_none() && PwmTiming::of(401).is_none());
         for hz in [40, 50, 60, 100, 333, 400] {
-            let Timing { top, period_us } = Timing::of(hz).unwrap();
+            let PwmTiming { top, period_us } = PwmTiming::of(hz).unwrap();
             for pulse in 500..=2500u32 {
                 // As `set_duty_cycle_fraction` does.
                 let counts = pulse * u32::from(top) / u32::from(period_us);
-                let tenths = Timing::tenths_us(counts as u16);
+                let tenths = PwmTiming::tenths_us(counts as u16);
                 assert!(tenths.abs_diff(pulse * 10) <= 10, "{hz} Hz: {pulse} µs are {tenths} tenths");
                 assert!(hz != 50 || tenths.abs_diff(pulse * 10) < 4, "{pulse}");
             }

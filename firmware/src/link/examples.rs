@@ -5,17 +5,17 @@ use super::message::{
     Answer, ClipInfo, Event, Hello, LinkCounts, Playing, Refusal, Request, Response, ServoInfo, Streaming,
     Telemetry, VERSION,
 };
+use super::wire::Encode;
 use crate::clips::LIVE;
 use crate::clock::Speed;
 use crate::fault::Fault;
 use crate::machine::{Command, State};
 use crate::stream::{Counters, Progress};
-use serde::Serialize;
 use servo_wire::bus::Reading;
 use std::fmt::Write;
 use std::string::String;
 
-fn line(table: &mut String, what: &str, number: u16, message: &impl Serialize) {
+fn line(table: &mut String, what: &str, number: u16, message: &impl Encode) {
     let mut buffer = [0; 200];
     let frame = write(number, message, &mut buffer).unwrap();
     let hex: Vec<String> = frame.iter().map(|byte| std::format!("{byte:02x}")).collect();
@@ -49,6 +49,10 @@ fn requests(table: &mut String) {
         ("header at 0", Request::Header { offset: 0, bytes: b"MCLP" }),
         ("packet", Request::Packet { bytes: &[9; 4] }),
         ("play the stream", Request::Command(Command::Play { clip: LIVE, repeats: false })),
+        ("resume", Request::Command(Command::Resume)),
+        ("home", Request::Command(Command::Home)),
+        ("trigger", Request::Command(Command::Trigger)),
+        ("link lost", Request::Command(Command::LinkLost)),
     ];
     for (number, (what, request)) in (1..).zip(&requests) {
         line(table, what, number * 10, request);
@@ -119,16 +123,22 @@ fn answers(table: &mut String) {
     line(table, "telemetry of two servos", 1, &Answer::Event(Event::Telemetry(telemetry)));
 }
 
+/// The page.
+pub(super) fn document() -> String {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/LINK.md");
+    std::fs::read_to_string(path).unwrap()
+}
+
 #[test]
 fn the_document_has_these_frames() {
     let mut table = String::from("| from the host | number | bytes |\n|---|---:|---|\n");
     requests(&mut table);
     table.push_str("\n| from the device | number | bytes |\n|---|---:|---|\n");
     answers(&mut table);
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/LINK.md");
-    let document = std::fs::read_to_string(&path).unwrap();
+    let document = document();
     let found = document.split_once("\n## Examples\n").unwrap().1;
     let found = found.split_once("\n| from the host").map_or("", |(_, rest)| rest);
+    let found = found.split("\n### ").next().unwrap_or("");
     assert!(
         std::format!("| from the host{found}").trim_end() == table.trim_end(),
         "the examples of docs/LINK.md are not these:\n{table}"

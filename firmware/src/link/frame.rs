@@ -1,16 +1,15 @@
 //! Frames out of a stream of bytes, and into one: COBS, a sequence number and a CRC.
 //!
-//! A frame is a sequence number, a message and a CRC-32, all in [postcard](https://postcard.jamesmunns.com)'s bytes; COBS
+//! A frame is a sequence number, a message ([`wire`](super::wire)) and a CRC-32; COBS
 //! (Cheshire and Baker 1999) frees it of zeros, and a zero ends it. So after any noise the next zero is where a frame
 //! begins, and what was damaged is found by its CRC (1 damage in 4·10⁹ is not).
 
+use super::cobs_writer::{CRC_BYTES, CobsWriter};
+use super::wire::{Decode, Encode};
 use cobs::{DecodeResult, DecoderState};
 use core::fmt;
 use decoder_core::mclip::digest;
 use heapless::Vec;
-use postcard::ser_flavors::crc::CrcModifier;
-use postcard::ser_flavors::{Cobs, Slice};
-use serde::Serialize;
 
 /// The CRC-32 of bytes that come in parts, of frames and of uploads: that of .mclip, zlib and PNG.
 pub fn crc32<'b>(parts: impl IntoIterator<Item = &'b [u8]>) -> u32 {
@@ -18,9 +17,6 @@ pub fn crc32<'b>(parts: impl IntoIterator<Item = &'b [u8]>) -> u32 {
     parts.into_iter().for_each(|part| digest.update(part));
     digest.finalize()
 }
-
-/// Bytes of the CRC.
-const CRC_BYTES: usize = 4;
 
 /// Bytes that frames take besides their message, decoded: three of the sequence number, and the CRC.
 pub const OVERHEAD: usize = 3 + CRC_BYTES;
@@ -33,9 +29,11 @@ pub const fn wire_len(message: usize) -> usize {
 /// Writes a frame, and gives its bytes with the zero; `None` where the buffer is too small for it.
 ///
 /// Takes a pass over the message, a table look-up a byte.
-pub fn write<'b>(sequence: u16, message: &impl Serialize, buffer: &'b mut [u8]) -> Option<&'b mut [u8]> {
-    let cobs = Cobs::try_new(Slice::new(buffer)).ok()?;
-    postcard::serialize_with_flavor(&(sequence, message), CrcModifier::new(cobs, digest())).ok()
+pub fn write<'b>(sequence: u16, message: &impl Encode, buffer: &'b mut [u8]) -> Option<&'b mut [u8]> {
+    let mut writer = CobsWriter::new(buffer);
+    sequence.encode(&mut writer);
+    message.encode(&mut writer);
+    writer.finish()
 }
 
 /// A frame that arrived whole.
@@ -134,7 +132,8 @@ impl<const N: usize> Deframer<N> {
         if crc32([body]) != u32::from_le_bytes(*crc) {
             return Err(FrameError::Damaged);
         }
-        let (sequence, message) = postcard::take_from_bytes(body).map_err(|_| FrameError::TooShort)?;
+        let mut message = body;
+        let sequence = u16::decode(&mut message).ok_or(FrameError::TooShort)?;
         Ok(Frame { sequence, message })
     }
 }
@@ -142,6 +141,7 @@ impl<const N: usize> Deframer<N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::link::wire::decode_all;
     use proptest::prelude::*;
 
     type Found = std::vec::Vec<Result<(u16, std::vec::Vec<u8>), FrameError>>;
@@ -219,7 +219,7 @@ mod tests {
             for (found, (sequence, message)) in found.into_iter().zip(&sent) {
                 let (number, bytes) = found.unwrap();
                 prop_assert_eq!(number, *sequence);
-                prop_assert_eq!(postcard::from_bytes::<&[u8]>(&bytes).unwrap(), &message[..]);
+                prop_assert_eq!(decode_all::<&[u8]>(&bytes).unwrap(), &message[..]);
             }
         }
 

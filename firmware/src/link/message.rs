@@ -1,5 +1,5 @@
-//! What host and device say to each other, as [postcard](https://postcard.jamesmunns.com) writes it: integers as varints,
-//! a variant as its number, a text or slice as its length and bytes. docs/LINK.md has each message with an example.
+//! What host and device say to each other. docs/LINK.md has each message with an example, and every number; in code the numbers
+//! are in `numbers`, and [`wire`](super::wire) says how they are written.
 //!
 //! Every length is bounded by what holds the message: a text or slice of a request lies in the frame that brought it, and
 //! all others are of `heapless`.
@@ -12,7 +12,7 @@ use crate::store::{Name, StoreError};
 use crate::stream::{Counters, Progress, StreamError};
 use core::fmt;
 use heapless::{String, Vec};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use servo_wire::bus::{BusError, Reading};
 
 /// Version of the protocol. A device answers a hello of any version, and nothing else of another one.
@@ -31,7 +31,7 @@ pub const RESPONSE_BYTES: usize = 160;
 pub const ANSWER_BYTES: usize = 128 + 32 * MAX_SERVOS;
 
 /// What a host asks. What is asked twice under one number is done once: see [`Session`](super::session::Session).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request<'a> {
     /// Who are you? The first request of a session; answered with [`Response::Hello`] whatever the version.
     Hello {
@@ -108,7 +108,7 @@ pub enum Request<'a> {
 }
 
 /// What a device says.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 #[allow(clippy::large_enum_variant, reason = "one at a time is made, to be written at once")]
 pub enum Answer {
     /// To the request with the frame's number.
@@ -118,7 +118,7 @@ pub enum Answer {
 }
 
 /// What a device answers a request.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Response {
     /// Who it is. The version comes first in every version of the protocol.
     Hello(Hello),
@@ -140,7 +140,7 @@ pub enum Response {
 }
 
 /// Who a device is.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Hello {
     /// [`VERSION`] of the device.
     pub version: u8,
@@ -163,7 +163,7 @@ pub struct Hello {
 }
 
 /// A clip of a device.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ClipInfo {
     /// Its number.
     pub clip: u16,
@@ -178,7 +178,7 @@ pub struct ClipInfo {
 }
 
 /// How streaming goes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Streaming {
     /// How far the stream is.
     pub progress: Progress,
@@ -187,14 +187,14 @@ pub struct Streaming {
 }
 
 /// What a device says unasked.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
     /// How it is.
     Telemetry(Telemetry),
 }
 
 /// How a device is.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Telemetry {
     /// Time in ms since it was turned on.
     pub millis: u32,
@@ -225,7 +225,7 @@ pub struct Telemetry {
 }
 
 /// Where a clip is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Playing {
     /// Its number.
     pub clip: u16,
@@ -236,7 +236,7 @@ pub struct Playing {
 }
 
 /// What was wrong on a link.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct LinkCounts {
     /// Frames that arrived damaged or cut.
     pub damaged: u32,
@@ -249,7 +249,7 @@ pub struct LinkCounts {
 }
 
 /// A servo.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct ServoInfo {
     /// Its id.
     pub id: u8,
@@ -260,7 +260,7 @@ pub struct ServoInfo {
 }
 
 /// Why a device did not do what was asked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Refusal {

@@ -2,13 +2,20 @@
 //!
 //! - [`frame`]: frames out of a stream of bytes, and into one
 //! - [`message`]: what is said
+//! - [`wire`]: how it is written; `numbers` has every number
 //! - [`session`]: who says it, how often, and who is gone
 //!
 //! Pure: bytes and times go in, bytes come out. [`device`](crate::device) is what answers.
 
+mod clip_error;
+pub mod cobs_writer;
 pub mod frame;
 pub mod message;
+mod numbers;
 pub mod session;
+pub mod wire;
 
 #[cfg(test)]
 mod examples;
+#[cfg(test)]
+mod page;

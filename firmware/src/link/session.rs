@@ -9,6 +9,7 @@ use super::message::{
     ANSWER_BYTES, Answer, Event, LinkCounts, REQUEST_BYTES, RESPONSE_BYTES, Refusal, Request, Response,
     Telemetry, VERSION,
 };
+use super::wire::Decode;
 use crate::fault::Fault;
 use crate::machine::State;
 use heapless::Vec;
@@ -188,14 +189,11 @@ impl Session {
 
 /// The request; none where the bytes are another one's, or more follow.
 fn parse(message: &[u8]) -> Option<Request<'_>> {
-    match postcard::take_from_bytes(message) {
+    let mut rest = message;
+    match Request::decode(&mut rest)? {
         // Those of other versions may go on.
-        Ok((request @ Request::Hello { version, .. }, rest)) if rest.is_empty() || version != VERSION => {
-            Some(request)
-        }
-        Ok((Request::Hello { .. }, _)) => None,
-        Ok((request, [])) => Some(request),
-        _ => None,
+        request @ Request::Hello { version, .. } if version != VERSION => Some(request),
+        request => rest.is_empty().then_some(request),
     }
 }
 

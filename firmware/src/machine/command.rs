@@ -1,10 +1,9 @@
 //! What a puppet can be told.
 
 use crate::clock::Speed;
-use serde::{Deserialize, Serialize};
 
 /// What a puppet can be told.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command {
     /// Play a clip now; what plays fades into it, and what was queued is dropped.

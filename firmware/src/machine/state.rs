@@ -1,9 +1,9 @@
 //! Where a puppet is, and how its controller came up.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Where a puppet is. A fault may be latched in each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum State {
     /// Looks for its servos, one a tick.

@@ -1,6 +1,7 @@
 //! Why a joint map cannot be used.
 
-use super::{GOAL_LIMIT, VERSION};
+use super::joint::GOAL_LIMIT;
+use super::wire::VERSION;
 use crate::clock::MAX_TICK_HZ;
 use crate::limits::MAX_VELOCITY;
 use core::fmt;

@@ -120,8 +120,8 @@ fn block(clip: &[u8], at: usize, header: &Header<'_>, frame: u32) -> Result<(Blo
 fn fits(needs: &Needs, capacity: &Needs) -> Result<(), Error> {
     for (field, needed, lent) in [
         (Field::States, needs.channels, capacity.channels),
-        (Field::Correlations, needs.correlations, capacity.correlations),
-        (Field::CodeTables, needs.words, capacity.words),
+        (Field::Words, needs.words, capacity.words),
+        (Field::Halves, needs.halves, capacity.halves),
     ] {
         if needed > lent {
             return Err(Error::OutputTooSmall { field, needed, lent });

@@ -134,7 +134,7 @@ impl<F: MappedFlash> Store<F> {
     /// [`StoreError::Busy`] while the directory is written.
     pub fn begin(&mut self, clip: u16, name: &str, bytes: u32, crc: u32) -> Result<(), StoreError> {
         self.give_up_upload()?;
-        let name = Name::try_from(name).map_err(|_| StoreError::Name { found: name.len() })?;
+        let name = Name::try_from(name).map_err(|_| StoreError::Name { found: name.len() as u32 })?;
         if bytes == 0 {
             return Err(StoreError::Empty);
         }

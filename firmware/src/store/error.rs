@@ -3,10 +3,9 @@
 use core::fmt;
 use decoder_core::Error;
 use embedded_storage::nor_flash::NorFlashErrorKind;
-use serde::{Deserialize, Serialize};
 
 /// Why a store does not do what it was asked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum StoreError {
@@ -29,7 +28,7 @@ pub enum StoreError {
     /// The name is longer than 32 bytes.
     Name {
         /// Its bytes.
-        found: usize,
+        found: u32,
     },
     /// There is no such clip.
     NoClip {
@@ -76,7 +75,6 @@ pub enum StoreError {
     /// The flash refused an operation.
     Flash {
         /// Why.
-        #[serde(with = "kind")]
         kind: NorFlashErrorKind,
         /// Where.
         at: u32,
@@ -122,25 +120,3 @@ impl fmt::Display for StoreError {
 }
 
 impl core::error::Error for StoreError {}
-
-/// The flash's own error as a number: its crate has no serde.
-mod kind {
-    use super::NorFlashErrorKind;
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    pub fn serialize<S: Serializer>(kind: &NorFlashErrorKind, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_u8(match kind {
-            NorFlashErrorKind::NotAligned => 0,
-            NorFlashErrorKind::OutOfBounds => 1,
-            _ => 2,
-        })
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<NorFlashErrorKind, D::Error> {
-        Ok(match u8::deserialize(deserializer)? {
-            0 => NorFlashErrorKind::NotAligned,
-            1 => NorFlashErrorKind::OutOfBounds,
-            _ => NorFlashErrorKind::Other,
-        })
-    }
-}

@@ -2,10 +2,9 @@
 
 use core::fmt;
 use decoder_core::Error;
-use serde::{Deserialize, Serialize};
 
 /// Why a stream does not take what it was given.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum StreamError {

@@ -1,9 +1,9 @@
 //! How far a stream is, and what has happened to it.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// What has happened since the stream began. Saturates.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Counters {
     /// Frames that were played as they were sent.
@@ -25,7 +25,7 @@ pub struct Counters {
 }
 
 /// How far a stream is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Progress {
     /// Number of the frame that plays next.

@@ -4,7 +4,7 @@ use super::input;
 use anyhow::{Context, Result};
 use clap::Subcommand;
 use host_sim::files;
-use host_sim::peers::{self, Entry, Method, PACKERS};
+use host_sim::peers::{self, Comparison, Entry, Method, PACKERS};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 use thumb_cycles::Core;
 
-/// Compare with what else is at hand.
+/// Compare our codecs with other ways to store motion.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku bench peers")]
 pub struct Args {
@@ -64,10 +64,12 @@ fn peers(args: PeersArgs) -> Result<ExitCode> {
     let bar = ProgressBar::new(methods.len() as u64);
     bar.set_style(ProgressStyle::with_template("{spinner} {wide_bar} {pos} of {len}, {msg}")?);
     bar.enable_steady_tick(Duration::from_millis(200));
+    bar.set_message("building the players");
+    let comparison = Comparison::new(&clip, &CORES).with_context(|| name.clone())?;
     let mut entries = Vec::new();
     for method in methods {
         bar.set_message(method.name());
-        entries.push(peers::run(&clip, method, &CORES).with_context(|| name.clone())?);
+        entries.push(comparison.measure(method).with_context(|| name.clone())?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -115,4 +117,5 @@ fn print(name: &str, frames: usize, channels: usize, entries: &[Entry]) {
          decoder's, without the motion.",
         peers::BLOCK_BYTES
     );
+    CORES.iter().for_each(|core| println!("{}", core.evidence()));
 }

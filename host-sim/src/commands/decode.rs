@@ -1,7 +1,8 @@
 //! `bunraku decode`: a compressed clip in, motion capture out.
 
 use anyhow::{Context, Result, bail};
-use host_sim::{files, puppet};
+use host_sim::files;
+use host_sim::puppet::channels;
 use mocap::export;
 use mocap::import::{self, amc};
 use std::path::PathBuf;
@@ -9,7 +10,7 @@ use std::process::ExitCode;
 
 /// Decode a clip into AMC, BVH or CSV.
 ///
-/// Of a clip that was made for a puppet, the channels that it does not have are 0.
+/// A clip that was made for a puppet has only some of the skeleton's channels; the others become 0.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku decode walk.qmd --skeleton 02.asf -o walk.amc")]
 pub struct Args {
@@ -35,7 +36,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let bytes = files::read(&args.clip)?;
     let mut motion = super::input::decode(&args.clip, &bytes)?;
     let found = motion.channels;
-    motion = puppet::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
+    motion = channels::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
     if let Some(fps) = args.fps {
         motion.fps = fps;
     } else if motion.fps == 0.0 {

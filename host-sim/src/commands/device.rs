@@ -1,14 +1,15 @@
 //! `bunraku device`: a puppet's controller on virtual servos.
 
-use super::servos::Listen;
+use super::servos::{Listen, NO_PTY};
 use anyhow::Result;
 use host_sim::device::{self, Config, Listener};
-use host_sim::puppet::{Channels, Puppet};
+use host_sim::puppet::channels;
+use puppet_file::Puppet;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// A puppet's controller on virtual servos, in real time: the firmware's own code, with clips in a file instead of flash.
+/// Run a puppet's controller on virtual servos, in real time: the firmware's own code, with clips in a file instead of flash.
 ///
 /// Prints the port for `bunraku push`, `stream` and `monitor`, and runs until it is stopped with Ctrl-C.
 #[derive(clap::Args)]
@@ -55,7 +56,7 @@ pub struct Args {
 /// A sentence about the puppet, the flash or the port.
 pub fn run(args: Args) -> Result<ExitCode> {
     let puppet = Puppet::read(&args.puppet)?;
-    let map = puppet.map(Channels::of_clips(&puppet, args.skeleton)?)?;
+    let map = puppet.map(channels::of_clips(&puppet, args.skeleton)?)?;
     let listener = match &args.listen {
         Listen::Tcp(address) => Listener::tcp(address)?,
         Listen::Pty => pty()?,
@@ -80,16 +81,16 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     out.flush()?;
     drop(out);
-    device::run(&map, &config, listener, &|| false)?;
+    device::run_device(&map, &config, listener, &|| false)?;
     Ok(ExitCode::SUCCESS)
 }
 
 #[cfg(unix)]
 fn pty() -> Result<Listener> {
-    Ok(Listener::Pty(Box::new(host_sim::servos::serve::Pty::open()?)))
+    Ok(Listener::Pty(Box::new(anyhow::Context::context(virtual_servos::serve::Pty::open(), NO_PTY)?)))
 }
 
 #[cfg(not(unix))]
 fn pty() -> Result<Listener> {
-    anyhow::bail!("this system has no pseudo terminals; use --listen tcp:127.0.0.1:0")
+    anyhow::bail!(NO_PTY)
 }

@@ -6,7 +6,7 @@ use encoder::qmd::{Method, Parameters};
 use host_sim::board::{BOARDS, Board, Budget, Size};
 use host_sim::clip::Clip;
 use host_sim::files;
-use host_sim::puppet::{Map, Puppet};
+use puppet_file::{Map, Puppet};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 

@@ -5,8 +5,8 @@ use anyhow::{Context, Result};
 use decoder_core::Limits;
 use decoder_core::mclip::{self, ChannelKind};
 use decoder_core::qmd::Clip;
+use host_sim::cycle_limit::header_core;
 use host_sim::files;
-use host_sim::within::header_core;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -111,7 +111,7 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
         let report = serde_json::json!({
             "container": "mclip", "codec": codec, "entropy": entropy, "bytes": bytes.len(),
             "header_bytes": clip.header_bytes(), "frames": clip.frames(), "fps": fps, "bits_per_s": rate,
-            "blocks": clip.blocks(), "entries": clip.entries(), "block_bytes": opening.block_bytes,
+            "blocks": clip.block_count(), "entries": clip.entry_count(), "block_bytes": opening.block_bytes,
             "ram": opening.ram, "delay": opening.delay, "parameter_bytes": opening.parameters.len(),
             "table_bytes": opening.tables.len(), "cycles": cycles, "channels": channels,
         });
@@ -128,9 +128,9 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
     );
     println!(
         "  {} blocks of up to {} bytes, {} of them entry points",
-        clip.blocks(),
+        clip.block_count(),
         opening.block_bytes,
-        clip.entries()
+        clip.entry_count()
     );
     println!("  a decoder needs {} bytes of memory", opening.ram);
     for (core, cycles) in &cycles {

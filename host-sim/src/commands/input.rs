@@ -4,8 +4,8 @@ use super::frames::FrameRange;
 use anyhow::{Context, Result, bail};
 use encoder::qmd::Method;
 use host_sim::files;
-use host_sim::puppet::Puppet;
 use mocap::Clip;
+use puppet_file::Puppet;
 use std::path::{Path, PathBuf};
 
 /// How a motion file is read.
@@ -37,7 +37,7 @@ impl Source {
             clip.motion = frames.of(path, &clip.motion)?;
         }
         match &self.puppet {
-            Some(puppet) => Puppet::read(puppet)?.followed(&clip),
+            Some(puppet) => Ok(Puppet::read(puppet)?.followed(&clip)?),
             None => Ok(clip),
         }
     }

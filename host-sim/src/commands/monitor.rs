@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 /// Show a device's telemetry: what it plays, its servos, its time, its faults.
 ///
-/// A line every so often, and at every change of state and fault. Ends with exit code 1 where the device says nothing any more.
+/// Prints a line at each interval, and at each change of state and fault. Exits with 1 where the device no longer answers.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku monitor tcp:127.0.0.1:4100 --every 100 --csv > dance.csv")]
 pub struct Args {
@@ -33,7 +33,7 @@ pub struct Args {
 pub fn run(args: Args) -> Result<ExitCode> {
     let mut client = args.port.open()?;
     let hello = client.hello().clone();
-    client.done(&Request::Telemetry { millis: args.every })?;
+    client.request_done(&Request::Telemetry { millis: args.every })?;
     let start = Instant::now();
     let silence = Duration::from_millis(u64::from(args.every)) + Duration::from_secs(3);
     let mut out = std::io::stdout().lock();
@@ -42,7 +42,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let left =
             args.seconds.map(|seconds| Duration::from_secs_f64(seconds).saturating_sub(start.elapsed()));
         if left == Some(Duration::ZERO) {
-            client.done(&Request::Telemetry { millis: 0 })?;
+            client.request_done(&Request::Telemetry { millis: 0 })?;
             return Ok(ExitCode::SUCCESS);
         }
         let limit = left.map_or(silence, |left| left.min(silence));

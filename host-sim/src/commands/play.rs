@@ -6,8 +6,9 @@ use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::play::{self, Recording, seconds};
 use host_sim::ports;
-use host_sim::puppet::{Channels, Map, Puppet};
+use host_sim::puppet::channels;
 use host_sim::rp2040js;
+use puppet_file::{Map, Puppet};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -99,7 +100,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
             let buses = ports::open(&map, &ports::paths(port, &names, |_| true)?)?;
             let asked = asked_to_end()?;
             let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
-            clip.decode(|frames| ports::play(frames, &map, rate, buses, asked, log)).map(|played| {
+            clip.decode(|frames| {
+                ports::play(frames, &map, rate, buses, &ports::ComputerClock::start(), asked, log)
+            })
+            .map(|played| {
                 let recording = played.recording.clone();
                 live = Some(played);
                 (recording, None)
@@ -190,7 +194,7 @@ pub fn rate(path: &Path, clip: &Clip<'_>, fps: Option<f64>) -> Result<u16> {
 /// The joint map of a puppet for the clip at `path`.
 pub fn map(path: &Path, clip: &Clip<'_>, puppet: &Path, skeleton: Option<PathBuf>) -> Result<Map> {
     let puppet = Puppet::read(puppet)?;
-    puppet.map(Channels::of_played(path, clip, &puppet, skeleton)?)
+    Ok(puppet.map(channels::of_played(path, clip, &puppet, skeleton)?)?)
 }
 
 fn centihertz(fps: f64) -> Result<u16> {

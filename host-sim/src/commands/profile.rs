@@ -8,9 +8,10 @@ use host_sim::profile;
 use host_sim::profile::baseline::Baseline;
 use host_sim::profile::parts::{PARTS, Part};
 use host_sim::profile::report::{Budget, Container, Simulation, Subject, Table, Ticks};
-use host_sim::profile::{CoreReport, Report, html, measure};
-use host_sim::puppet::{self, Channels, Map, Puppet};
+use host_sim::profile::{CoreReport, LoadedImage, Report, html, measure};
+use host_sim::puppet::channels;
 use indicatif::{ProgressBar, ProgressStyle};
+use puppet_file::{Channels, Map, Puppet, to_bytes};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
@@ -171,7 +172,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let (mut instructions, mut simulated) = (0, Duration::ZERO);
     for (&core, image) in cores.iter().zip(&images) {
         bar.set_message(core.name());
-        let measured = measure::run(core, image, args.wait_states, &expected, &mut || bar.inc(1))
+        let measured = measure::frames(core, image, args.wait_states, &expected, &mut || bar.inc(1))
             .with_context(|| format!("{name} on {}", core.name()))?;
         instructions += measured.instructions;
         simulated += measured.simulated;
@@ -195,8 +196,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         },
     };
     if let Some(path) = &args.html {
-        let mut page = String::new();
-        html::write(&mut page, &report)?;
+        let page = html::report_page(&report);
         files::write(path, |file| Ok(file.write_all(page.as_bytes())?))?;
     }
     if args.json {
@@ -237,11 +237,11 @@ fn map(args: &Args, clip: &Clip<'_>) -> Result<Option<Map>> {
     let Some(path) = &args.puppet else { return Ok(None) };
     let puppet = Puppet::read(path)?;
     let channels = match &args.clip {
-        Some(path) => Channels::of_played(path, clip, &puppet, args.skeleton.clone())?,
+        Some(path) => channels::of_played(path, clip, &puppet, args.skeleton.clone())?,
         // The embedded sample brings its skeleton.
         None => Channels::from(&mocap::sample::clip().skeleton),
     };
-    puppet.map(channels).map(Some)
+    Ok(Some(puppet.map(channels)?))
 }
 
 fn container(clip: &Clip<'_>, table: Table) -> Container {
@@ -260,7 +260,7 @@ fn container(clip: &Clip<'_>, table: Table) -> Container {
             Container::Mclip {
                 codec: header.codec().id().name().to_owned(),
                 entropy: header.entropy().name().to_owned(),
-                blocks: clip.blocks(),
+                blocks: clip.block_count(),
                 lent_bytes: header.needs().bytes(),
             }
         }
@@ -268,7 +268,7 @@ fn container(clip: &Clip<'_>, table: Table) -> Container {
 }
 
 /// An image for every core.
-fn build(clip: &[u8], map: Option<&Map>, cores: &[Core], table: Table) -> Result<Vec<Vec<u8>>> {
+fn build(clip: &[u8], map: Option<&Map>, cores: &[Core], table: Table) -> Result<Vec<LoadedImage>> {
     let mut targets: Vec<&str> = cores.iter().map(|core| core.target()).collect();
     targets.sort_unstable();
     targets.dedup();
@@ -277,7 +277,7 @@ fn build(clip: &[u8], map: Option<&Map>, cores: &[Core], table: Table) -> Result
     spinner.enable_steady_tick(Duration::from_millis(100));
     let lent = table == Table::Lent;
     let images = match map {
-        Some(map) => profile::tick_images(clip, &puppet::to_bytes(map)?, &targets, lent)?,
+        Some(map) => profile::tick_images(clip, &to_bytes(map), &targets, lent)?,
         None => profile::images(clip, &targets, lent)?,
     };
     spinner.finish_and_clear();
@@ -338,6 +338,9 @@ fn print(report: &Report) {
     }
     if report.cores.iter().any(|core| core.tolerance.is_none_or(|tolerance| tolerance > 0.1)) {
         println!("* an estimate: see docs/CYCLES.md");
+    }
+    for core in report.cores.iter().filter_map(|core| Core::from_name(core.core)) {
+        println!("{}", core.evidence());
     }
     for core in &report.cores {
         println!("\n{}: where a {unit}'s cycles go", core.core);

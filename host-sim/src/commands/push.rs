@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 /// Upload clips to a device, and tell its puppet what to do.
 ///
-/// PORT is a serial port (/dev/ttyACM0, COM3), a pseudo terminal, or tcp:HOST:PORT. What does not answer within some seconds is told.
+/// PORT is a serial port (/dev/ttyACM0, COM3), a pseudo terminal, or tcp:HOST:PORT. A device that does not answer within some seconds is an error.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  bunraku push tcp:127.0.0.1:4100 upload 3 walk.mclip\n  bunraku push tcp:127.0.0.1:4100 play 3 --wait"
@@ -65,7 +65,7 @@ enum Action {
         #[arg(long, value_name = "SECONDS", default_value_t = 10)]
         retry: u64,
     },
-    /// List the clips.
+    /// List the clips on the device.
     List,
     /// Remove a clip from the flash.
     Delete {
@@ -76,7 +76,7 @@ enum Action {
     Play {
         /// Its number.
         clip: u16,
-        /// Again and again.
+        /// Repeat the clip until another command comes.
         #[arg(long = "loop")]
         repeats: bool,
         /// Wait until the puppet rests.
@@ -87,15 +87,15 @@ enum Action {
     Queue {
         /// Its number.
         clip: u16,
-        /// Again and again.
+        /// Repeat the clip until another command comes.
         #[arg(long = "loop")]
         repeats: bool,
     },
-    /// Slow down to a stop, on the clip's way.
+    /// Slow down to a stop on the path of the clip.
     Pause,
     /// Go on after a pause.
     Resume,
-    /// Play at a speed.
+    /// Play faster or slower.
     Speed {
         /// 0.25 to 4; 1 is as recorded.
         speed: f64,
@@ -105,22 +105,23 @@ enum Action {
         /// Its number.
         frame: u32,
     },
-    /// An outside clock (audio, timecode) is at this frame now: the clip goes a little faster or slower until it is, too. More than
-    /// a sixteenth of a second apart, it fades there.
+    /// Tell the device at which frame an outside clock is now (audio, timecode).
+    ///
+    /// The clip plays a little faster or slower until it is at the same frame. Where the two are more than a sixteenth of a second apart, the clip fades to the frame.
     Sync {
         /// The frame, with a part of the next one: 120.5.
         #[arg(value_parser = frame)]
         frame: f64,
     },
-    /// Slow down, and hold the pose.
+    /// Slow down to a stop, and hold the pose.
     Stop,
     /// Go home slowly.
     Home,
-    /// As the trigger input does.
+    /// Do what the trigger input of the device does.
     Trigger,
-    /// A fault was looked at: find the servos again, and go on.
+    /// Acknowledge a fault: the device finds its servos again, and goes on.
     Acknowledge,
-    /// Who the device is, and how.
+    /// Print the name and the state of the device.
     Status,
 }
 
@@ -149,7 +150,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         Action::List => clips(&mut port.open()?)?,
         Action::Status => status(&mut port.open()?)?,
         Action::Delete { clip } => {
-            port.open()?.done(&Request::Remove { clip })?;
+            port.open()?.request_done(&Request::Remove { clip })?;
             (format!("clip {clip} is removed"), json!({ "clip": clip }))
         }
         other => {
@@ -253,7 +254,7 @@ fn status(client: &mut Client) -> Result<(String, Value)> {
 
 /// Waits until nothing moves any more.
 fn until_rest(client: &mut Client) -> Result<()> {
-    client.done(&Request::Telemetry { millis: 200 })?;
+    client.request_done(&Request::Telemetry { millis: 200 })?;
     let mut moved = false;
     loop {
         let Some(Telemetry { state, fault, .. }) = client.telemetry(Duration::from_secs(3))? else {

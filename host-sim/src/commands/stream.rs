@@ -4,7 +4,7 @@ use super::push::Port;
 use anyhow::{Context, Result};
 use firmware::link::message::Streaming;
 use host_sim::files;
-use host_sim::link::streaming::{Parts, Settings, stream};
+use host_sim::link::streaming::{Settings, StreamedClip, stream};
 use serde_json::json;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -35,7 +35,7 @@ pub struct Args {
 pub fn run(args: Args) -> Result<ExitCode> {
     let name = args.clip.display();
     let bytes = files::read(&args.clip)?;
-    let parts = Parts::new(&bytes).with_context(|| format!("{name} cannot be streamed"))?;
+    let parts = StreamedClip::new(&bytes).with_context(|| format!("{name} cannot be streamed"))?;
     let settings =
         Settings { hold_millis: args.hold, patience: Duration::from_secs(args.retry), plays: true };
     let report = stream(&args.port.name, args.port.baud, &parts, settings, &mut |_| ())

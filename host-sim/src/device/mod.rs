@@ -1,13 +1,10 @@
 //! A virtual device: the firmware's own machine, store, stream and link, on virtual servos, in real time.
 
-mod lines;
+mod hosts;
 
-pub use lines::{Lines, Listener};
+pub use hosts::{Hosts, Listener};
 
 use crate::flash::Flash;
-use crate::puppet::Map;
-use crate::servos::line::{Instantly, Line};
-use crate::servos::{Bus, BusConfig, ServoConfig};
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::mclip::Needs;
 use decoder_core::{I16F16, Limits};
@@ -20,10 +17,15 @@ use firmware::machine::{Machine, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
 use firmware::store::{Layout, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
-use servo_wire::dynamixel::{Client, DynamixelBus};
-use servo_wire::port::{Automatic, Line as Timing, Port};
+use puppet_file::Map;
+use servo_wire::dynamixel::{DynamixelBus, DynamixelClient};
+use servo_wire::port::{Automatic, LineConfig, Port};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
+use virtual_servos::config::ServoConfig;
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::uart::{InProcessUart, ZeroDelay};
+use virtual_servos::virtual_bus::VirtualBus;
 
 /// Bytes of a sector of the virtual flash.
 pub const SECTOR: usize = 4096;
@@ -74,7 +76,7 @@ impl Default for Config {
 ///
 /// # Errors
 /// A sentence where the puppet has servos other than Dynamixel on one bus, or the flash's file cannot be used.
-pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> bool) -> Result<()> {
+pub fn run_device(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> bool) -> Result<()> {
     if map.buses().len() != 1 || map.buses().iter().any(|bus| bus.kind != BusKind::Dynamixel) {
         bail!("the virtual servos are Dynamixel X on one bus, and this puppet has others");
     }
@@ -83,12 +85,16 @@ pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> b
 
     let joints = map.joints().iter();
     let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
-    let mut servos = Bus::new(&BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) })?;
+    let mut servos = DynamixelServos::new(&DynamixelConfig {
+        servos: servos.collect(),
+        ..DynamixelConfig::with_ids(&[])
+    })?;
     let power_on = Instant::now();
-    let line = Line::new(|bytes: &[u8]| servos.receive(bytes, micros(power_on.elapsed()), &mut |_| ()));
+    let line =
+        InProcessUart::new(|bytes: &[u8]| servos.receive(bytes, micros(power_on.elapsed()), &mut |_| ()));
     let baud = map.buses().first().map_or(0, |bus| bus.baud);
-    let port = Port::new(line, Automatic, Instantly, Timing::uart(baud));
-    let mut bus = DynamixelBus::<_, _, _>::new(Client::new(port));
+    let port = Port::new(line, Automatic, ZeroDelay, LineConfig::uart(baud));
+    let mut bus = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
 
     let live = live(config);
     let clips = Clips::new(&[], Some(store(config)?), live, [worker(live), worker(live)]);
@@ -98,7 +104,7 @@ pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> b
     let mut surroundings = RealTime {
         map,
         device: Device::new(identity),
-        lines: Lines::new(listener),
+        hosts: Hosts::new(listener),
         ended,
         power_on,
         start: Instant::now(),
@@ -111,25 +117,25 @@ pub fn run(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> b
 }
 
 /// Memory of a device, which a board has for ever.
-fn forever<T>(memory: T) -> &'static mut T {
+fn leak<T>(memory: T) -> &'static mut T {
     Box::leak(Box::new(memory))
 }
 
 /// The live stream.
 fn live(config: &Config) -> &'static Live<'static> {
-    let pose = || &mut forever([I16F16::ZERO; CHANNELS])[..];
+    let pose = || &mut leak([I16F16::ZERO; CHANNELS])[..];
     let poses = [pose(), pose(), pose(), pose()];
-    let player = PlayerMemory { header: forever([0; HEADER_BYTES]), block: forever([0; DATA_BYTES]), poses };
-    let memory = Memory { buffer: forever([0; STREAM_BYTES]), player };
-    forever(Live::new(memory, config.stream))
+    let player = PlayerMemory { header: leak([0; HEADER_BYTES]), block: leak([0; DATA_BYTES]), poses };
+    let memory = Memory { buffer: leak([0; STREAM_BYTES]), player };
+    leak(Live::new(memory, config.stream))
 }
 
 /// A decoder.
 fn worker(live: &'static Live<'static>) -> Worker<'static, 'static> {
-    let mailbox: &'static Mailbox<'static> = forever(Mailbox::new());
-    let memory = forever(Workspace::<CHANNELS, CHANNELS, WORDS>::new());
-    let task = forever(Box::pin(decode(mailbox, memory, live)));
-    Worker::new(task.as_mut(), mailbox, forever([I16F16::ZERO; CHANNELS]))
+    let mailbox: &'static Mailbox<'static> = leak(Mailbox::new());
+    let memory = leak(Workspace::<CHANNELS, CHANNELS, WORDS>::new());
+    let task = leak(Box::pin(decode(mailbox, memory, live)));
+    Worker::new(task.as_mut(), mailbox, leak([I16F16::ZERO; CHANNELS]))
 }
 
 /// The clips in flash: the directory in the first two sectors, clips in the others.
@@ -143,15 +149,15 @@ fn store(config: &Config) -> Result<Store<Flash<SECTOR>>> {
     let sector = SECTOR as u32;
     let end = u32::try_from(sectors * SECTOR).context("the flash is larger than 4 GiB")?;
     let layout = Layout { directory: [0, sector], clips: 2 * sector..end };
-    let capacity = Needs { channels: CHANNELS, correlations: CHANNELS, words: WORDS };
+    let capacity = Needs { channels: CHANNELS, words: 4 * CHANNELS, halves: WORDS };
     Ok(Store::mount(flash, layout, capacity)?)
 }
 
-/// Ticks by the computer's clock, with hosts on lines.
+/// Ticks by the computer's clock, with hosts on hosts.
 struct RealTime<'a> {
     map: &'a Map,
     device: Device,
-    lines: Lines,
+    hosts: Hosts,
     ended: &'a dyn Fn() -> bool,
     power_on: Instant,
     /// When tick 0 was, or would have been had this computer never been busy with others.
@@ -182,11 +188,11 @@ impl Surroundings<Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS> for RealTime<'_> {
         machine: &mut Machine<'_, Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS>,
         feedback: &Feedback<'_>,
     ) -> bool {
-        let Self { device, lines, .. } = self;
+        let Self { device, hosts, .. } = self;
         let millis = micros(self.power_on.elapsed()) / 1000;
         let told = Feedback { late: self.late, ..*feedback };
         device.tick(machine, &told, millis as u32, micros(self.busy) as u32);
-        lines.serve(|session, bytes| device.serve(session, bytes, machine, feedback));
+        hosts.serve(|session, bytes| device.serve(session, bytes, machine, feedback));
         !(self.ended)()
     }
 

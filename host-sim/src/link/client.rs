@@ -5,6 +5,7 @@ use firmware::link::frame::{Deframer, Frame, OVERHEAD, wire_len, write};
 use firmware::link::message::{
     ANSWER_BYTES, Answer, Event, Hello, REQUEST_BYTES, Refusal, Request, Response, Telemetry, VERSION,
 };
+use firmware::link::wire::decode_all;
 use firmware::machine::Command;
 use std::collections::VecDeque;
 use std::io;
@@ -187,7 +188,7 @@ impl Client {
     ///
     /// # Errors
     /// As [`request`](Self::request), and [`LinkError::Silent`] where it never ends.
-    pub fn job(&mut self, request: &Request<'_>) -> Result<Response, LinkError> {
+    pub fn request_until_ready(&mut self, request: &Request<'_>) -> Result<Response, LinkError> {
         let start = Instant::now();
         let mut tries = 0;
         while start.elapsed() < JOB_TIME {
@@ -205,15 +206,15 @@ impl Client {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn command(&mut self, command: Command) -> Result<(), LinkError> {
-        self.done(&Request::Command(command))
+        self.request_done(&Request::Command(command))
     }
 
     /// Asks for what is done at once.
     ///
     /// # Errors
     /// As [`request`](Self::request).
-    pub fn done(&mut self, request: &Request<'_>) -> Result<(), LinkError> {
-        match self.job(request)? {
+    pub fn request_done(&mut self, request: &Request<'_>) -> Result<(), LinkError> {
+        match self.request_until_ready(request)? {
             Response::Done => Ok(()),
             other => Err(self.unexpected(&other)),
         }
@@ -247,10 +248,10 @@ impl Client {
     /// # Errors
     /// As [`request`](Self::request).
     pub fn status(&mut self) -> Result<Telemetry, LinkError> {
-        self.done(&Request::Telemetry { millis: u16::MAX })?;
+        self.request_done(&Request::Telemetry { millis: u16::MAX })?;
         self.forget_events();
         let telemetry = self.telemetry(ANSWER_TIME * TRIES)?;
-        self.done(&Request::Telemetry { millis: 0 })?;
+        self.request_done(&Request::Telemetry { millis: 0 })?;
         telemetry.ok_or_else(|| LinkError::Silent {
             port: self.name.clone(),
             tries: 1,
@@ -317,7 +318,7 @@ fn read(port: &str, frame: &Frame<'_>) -> Result<(u16, Answer), LinkError> {
     {
         return Err(LinkError::Version { port: port.to_owned(), device });
     }
-    let answer = postcard::from_bytes(frame.message).map_err(|_| LinkError::Unexpected {
+    let answer = decode_all(frame.message).ok_or_else(|| LinkError::Unexpected {
         port: port.to_owned(),
         found: format!("{} bytes that are no message", frame.message.len()),
     })?;

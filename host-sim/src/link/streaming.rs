@@ -11,9 +11,6 @@ use firmware::stream::Progress;
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-/// Bytes of a block's header.
-const BLOCK_HEADER_BYTES: usize = 12;
-
 /// Time from one telemetry to the next, in ms.
 const TELEMETRY_MILLIS: u16 = 50;
 
@@ -28,7 +25,7 @@ struct Block {
 
 /// A .mclip in the parts that go over a link.
 #[derive(Clone, Debug)]
-pub struct Parts<'a> {
+pub struct StreamedClip<'a> {
     clip: &'a [u8],
     header: usize,
     blocks: Vec<Block>,
@@ -36,7 +33,7 @@ pub struct Parts<'a> {
     rate_centihertz: u16,
 }
 
-impl<'a> Parts<'a> {
+impl<'a> StreamedClip<'a> {
     /// Takes a clip apart.
     ///
     /// # Errors
@@ -45,15 +42,14 @@ impl<'a> Parts<'a> {
         let parsed = Clip::parse(clip, Limits::MAX)?;
         let prefix = clip.get(..PREFIX_BYTES).unwrap_or_default();
         let header = Prefix::read(prefix)?.header_bytes;
-        let (mut at, mut blocks) = (header, Vec::new());
-        while let Some(&[n0, n1, f0, f1, a, b, c, d, ..]) = clip.get(at..at + BLOCK_HEADER_BYTES) {
-            let end = at + BLOCK_HEADER_BYTES + usize::from(u16::from_le_bytes([n0, n1]));
-            let frame = u32::from_le_bytes([a, b, c, d]);
+        let mut blocks = Vec::new();
+        for found in parsed.blocks() {
+            let found = found?;
             let block = Block {
-                bytes: at..end,
-                first_frame: frame & !(1 << 31),
-                frames: u16::from_le_bytes([f0, f1]).into(),
-                entry: frame >> 31 == 1,
+                bytes: found.at..found.end(),
+                first_frame: found.header.first_frame,
+                frames: found.header.frames.into(),
+                entry: found.header.entry,
             };
             if block.bytes.len() > DATA_BYTES {
                 bail!(
@@ -63,7 +59,6 @@ impl<'a> Parts<'a> {
                 );
             }
             blocks.push(block);
-            at = end;
         }
         let rate_centihertz = parsed.header().rate_centihertz();
         Ok(Self { clip, header, blocks, frames: parsed.frames(), rate_centihertz })
@@ -136,11 +131,11 @@ impl Report {
 pub fn stream(
     name: &str,
     baud: u32,
-    parts: &Parts<'_>,
+    parts: &StreamedClip<'_>,
     settings: Settings,
     told: &mut dyn FnMut(&Telemetry),
 ) -> Result<Report> {
-    let mut run = Run {
+    let mut run = Streamer {
         parts,
         settings,
         next: 0,
@@ -154,7 +149,7 @@ pub fn stream(
     run.begin(&mut client)?;
     let mut broken: Option<Instant> = None;
     loop {
-        let ended = match run.go_on(&mut client, told) {
+        let ended = match run.send_due(&mut client, told) {
             Err(error) => match error.downcast_ref::<LinkError>() {
                 Some(link) if link.is_broken() => Err(error),
                 _ => return Err(error),
@@ -187,8 +182,8 @@ pub fn stream(
     }
 }
 
-struct Run<'a> {
-    parts: &'a Parts<'a>,
+struct Streamer<'a> {
+    parts: &'a StreamedClip<'a>,
     settings: Settings,
     /// The block that is sent next.
     next: usize,
@@ -202,7 +197,7 @@ struct Run<'a> {
     report: Report,
 }
 
-impl Run<'_> {
+impl Streamer<'_> {
     fn begin(&mut self, client: &mut Client) -> Result<()> {
         let header = self.parts.clip.get(..self.parts.header).unwrap_or_default();
         let bytes = u32::try_from(header.len()).unwrap_or(u32::MAX);
@@ -215,9 +210,9 @@ impl Run<'_> {
 
     fn hold(&self, client: &mut Client, millis: u16) -> Result<()> {
         if self.settings.hold_millis > 0 {
-            client.done(&Request::Hold { millis })?;
+            client.request_done(&Request::Hold { millis })?;
         }
-        Ok(client.done(&Request::Telemetry { millis: TELEMETRY_MILLIS })?)
+        Ok(client.request_done(&Request::Telemetry { millis: TELEMETRY_MILLIS })?)
     }
 
     /// Goes on over a new line.
@@ -245,7 +240,7 @@ impl Run<'_> {
     }
 
     /// Sends what there is room for, and takes a telemetry; true at the end.
-    fn go_on(&mut self, client: &mut Client, told: &mut dyn FnMut(&Telemetry)) -> Result<bool> {
+    fn send_due(&mut self, client: &mut Client, told: &mut dyn FnMut(&Telemetry)) -> Result<bool> {
         loop {
             // Each packet waits for a tick of the device, so short blocks go together.
             let (bytes, blocks) = self.parts.packet(self.next, self.room.into());
@@ -275,13 +270,13 @@ impl Run<'_> {
         self.started = true;
         // A block may be a second of motion: between them the device hears that we are here.
         if self.heard.elapsed() >= Duration::from_millis(u64::from(self.settings.hold_millis) / 4) {
-            client.done(&Request::Alive)?;
+            client.request_done(&Request::Alive)?;
             self.heard = Instant::now();
         }
         let silence = Duration::from_millis(u64::from(TELEMETRY_MILLIS) * 10);
         let Some(telemetry) = client.telemetry(silence)? else {
             // It says nothing by itself: is it there?
-            client.done(&Request::Telemetry { millis: TELEMETRY_MILLIS })?;
+            client.request_done(&Request::Telemetry { millis: TELEMETRY_MILLIS })?;
             return Ok(false);
         };
         told(&telemetry);
@@ -294,8 +289,8 @@ impl Run<'_> {
         let ended = all && progress.is_none_or(|progress| progress.position >= self.parts.frames);
         self.report.last = Some(telemetry);
         if ended {
-            client.done(&Request::Telemetry { millis: 0 })?;
-            client.done(&Request::Hold { millis: 0 })?;
+            client.request_done(&Request::Telemetry { millis: 0 })?;
+            client.request_done(&Request::Hold { millis: 0 })?;
         }
         Ok(ended)
     }
@@ -305,14 +300,14 @@ impl Run<'_> {
 mod tests {
     use super::*;
     use decoder_core::mclip::CodecId;
-    use encoder::mclip::{Encoder, Quality, Settings as Coding};
+    use encoder::mclip::{Encoder, Encoding, Quality};
 
     #[test]
     fn a_clip_comes_apart_and_together() {
         let sample = mocap::sample::clip();
         let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
-        let clip = encoder.encode(&Coding::new(CodecId::Dpcm), Quality::Bits(8));
-        let parts = Parts::new(&clip).unwrap();
+        let clip = encoder.encode(&Encoding::new(CodecId::Dpcm), Quality::Bits(8)).unwrap();
+        let parts = StreamedClip::new(&clip).unwrap();
         let each = (0..parts.blocks.len()).map(|block| parts.packet(block, 1));
         let blocks: Vec<u8> = each.flat_map(|(bytes, _)| bytes).copied().collect();
         assert_eq!([&clip[..parts.header], &blocks].concat(), clip);
@@ -336,7 +331,7 @@ mod tests {
         assert_eq!((at(0, 0), at(ends[0] - 1, 0), at(ends[0], 1), at(480, all)), (0, 0, 1, all));
         let next = at(ends[0], 0);
         assert!(parts.blocks.get(next).is_none_or(|block| block.entry && block.first_frame >= ends[0]));
-        assert!(Parts::new(&clip[..clip.len() / 2]).is_err());
+        assert!(StreamedClip::new(&clip[..clip.len() / 2]).is_err());
         // 480 frames at 60 fps.
         assert_eq!(parts.bits_per_second(), blocks.len() as f64);
     }
@@ -345,9 +340,9 @@ mod tests {
     fn short_blocks_go_together_as_far_as_there_is_room() {
         let sample = mocap::sample::clip();
         let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
-        let settings = Coding { block_bytes: 200, ..Coding::new(CodecId::Dpcm) };
-        let clip = encoder.encode(&settings, Quality::Bits(8));
-        let parts = Parts::new(&clip).unwrap();
+        let encoding = Encoding { block_bytes: 200, ..Encoding::new(CodecId::Dpcm) };
+        let clip = encoder.encode(&encoding, Quality::Bits(8)).unwrap();
+        let parts = StreamedClip::new(&clip).unwrap();
         let (mut next, mut packets, mut sent) = (0, 0, parts.clip[..parts.header].to_vec());
         loop {
             let (bytes, blocks) = parts.packet(next, 8);

@@ -45,12 +45,12 @@ pub fn upload(
         }
     }
     progress(bytes.len());
-    client.done(&Request::Commit)
+    client.request_done(&Request::Commit)
 }
 
 /// The byte that the device wants next.
 fn wanted(client: &mut Client, request: &Request<'_>) -> Result<u32, LinkError> {
-    match client.job(request)? {
+    match client.request_until_ready(request)? {
         Response::Upload { next } => Ok(next),
         other => Err(client.unexpected(&other)),
     }

@@ -63,20 +63,14 @@ impl Packer {
         )
     }
 
-    /// Environment variables that building the image takes.
-    pub(super) fn variables(self) -> Vec<(&'static str, String)> {
-        let mut variables = vec![("BUNRAKU_WINDOW_BITS", TAMP_WINDOW_BITS.to_owned())];
-        if let Some(include) = newlib().filter(|_| self == Self::Tamp) {
-            variables.push(("BINDGEN_EXTRA_CLANG_ARGS", format!("-I{}", include.display())));
-        }
-        variables
-    }
-
-    /// Feature of the image.
-    pub(super) const fn feature(self) -> &'static str {
+    /// The image that plays what it has packed.
+    pub(super) const fn binary(self) -> &'static str {
         match self {
-            Self::Raw => "",
-            other => other.name(),
+            Self::Raw => "peers-raw",
+            Self::Heatshrink => "peers-heatshrink",
+            Self::Lz4 => "peers-lz4",
+            Self::Miniz => "peers-miniz",
+            Self::Tamp => "peers-tamp",
         }
     }
 
@@ -84,7 +78,9 @@ impl Packer {
     pub(super) fn pack(self, bytes: &[u8], block: usize) -> Result<Vec<u8>> {
         match self {
             Self::Raw => return Ok(bytes.to_vec()),
-            Self::Tamp => return image::run("tamp-pack", "bench/tamp-pack", &[TAMP_WINDOW_BITS], bytes),
+            Self::Tamp => {
+                return image::run_tool("tamp-pack", "bench/tamp-pack", FOLDER, &[TAMP_WINDOW_BITS], bytes);
+            }
             Self::Heatshrink | Self::Lz4 | Self::Miniz => {}
         }
         let mut store = Vec::new();
@@ -110,6 +106,18 @@ impl Packer {
     }
 }
 
+/// The folder of cargo's target folder where all is built that the comparison needs.
+pub(super) const FOLDER: &str = "peers";
+
+/// Environment variables that building tamp's image takes.
+pub(super) fn tamp_variables() -> Vec<(&'static str, String)> {
+    let mut variables = vec![("BUNRAKU_WINDOW_BITS", TAMP_WINDOW_BITS.to_owned())];
+    if let Some(include) = newlib() {
+        variables.push(("BINDGEN_EXTRA_CLANG_ARGS", format!("-I{}", include.display())));
+    }
+    variables
+}
+
 /// Where newlib's headers are for the Arm compiler.
 fn newlib() -> Option<PathBuf> {
     let output = Command::new("arm-none-eabi-gcc").arg("-print-file-name=libc.a").output().ok()?;
@@ -120,7 +128,7 @@ fn newlib() -> Option<PathBuf> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Quantised;
+    use super::super::quantised::Quantised;
     use super::*;
 
     #[test]

@@ -1,15 +1,16 @@
 //! The servo bus of any protocol on a serial port.
 
 use super::serial::{RealTime, Serial};
-use crate::puppet::Map;
 use anyhow::{Result, bail};
 use firmware::map::{BusKind, BusSpec, MAX_BUSES};
+use puppet_file::Map;
 use servo_wire::blender::BlenderBus;
-use servo_wire::both::Both;
-use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
+use servo_wire::bus::{BusError, Reading, ServoBus};
 use servo_wire::dynamixel::DynamixelBus;
 use servo_wire::feetech::{FeetechBus, Series};
-use servo_wire::port::{Automatic, Line, Port};
+use servo_wire::impl_servo_bus;
+use servo_wire::joined::JoinedBuses;
+use servo_wire::port::{Automatic, LineConfig, Port};
 use servo_wire::protocol1::Protocol1Bus;
 use servo_wire::{dynamixel, protocol1};
 
@@ -26,15 +27,13 @@ pub enum SerialBus {
     /// Dynamixel protocol 1.0.
     Dynamixel1(Box<Protocol1Bus<Serial, Automatic, RealTime>>),
     /// Feetech STS or SCS.
-    Feetech(Box<FeetechBus<Serial, Automatic, RealTime>>, Series),
+    Feetech(Box<FeetechBus<Serial, Automatic, RealTime>>),
     /// Blender Servo Animation's live frames.
     Blender(Box<BlenderBus<Serial, RealTime>>),
-    /// No bus, with no servos.
-    None,
 }
 
 /// The buses of a puppet as one.
-pub type Buses = Both<Both<SerialBus, SerialBus>, Both<SerialBus, SerialBus>>;
+pub type Buses = JoinedBuses<SerialBus, MAX_BUSES>;
 
 /// Who a servo says it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,23 +52,24 @@ impl SerialBus {
     pub fn open(spec: BusSpec, path: &str) -> Result<Self> {
         let BusSpec { kind, baud } = spec;
         if matches!(kind, BusKind::Pwm | BusKind::Pca9685) {
-            bail!("servos on {} hang on a board's pins, not on a serial port", name(kind));
+            bail!("servos on {} hang on a board's pins, not on a serial port", kind.name());
         }
         let serial = Serial::open(path, baud)?;
         if kind == BusKind::Blender {
             return Ok(Self::Blender(Box::new(BlenderBus::new(serial, RealTime, baud))));
         }
-        let line = Line { slack_us: SLACK_US, return_delay_us: RETURN_DELAY_US, ..Line::uart(baud) };
+        let line =
+            LineConfig { slack_us: SLACK_US, return_delay_us: RETURN_DELAY_US, ..LineConfig::uart(baud) };
         let port = Port::new(serial, Automatic, RealTime, line);
         Ok(match kind {
             BusKind::Dynamixel1 => {
-                Self::Dynamixel1(Box::new(Protocol1Bus::new(protocol1::Client::new(port))))
+                Self::Dynamixel1(Box::new(Protocol1Bus::new(protocol1::Protocol1Client::new(port))))
             }
             BusKind::Sts | BusKind::Scs => {
                 let series = if kind == BusKind::Sts { Series::Sts } else { Series::Scs };
-                Self::Feetech(Box::new(FeetechBus::new(protocol1::Client::new(port), series)), series)
+                Self::Feetech(Box::new(FeetechBus::new(protocol1::Protocol1Client::new(port), series)))
             }
-            _ => Self::Dynamixel(Box::new(DynamixelBus::new(dynamixel::Client::new(port)))),
+            _ => Self::Dynamixel(Box::new(DynamixelBus::new(dynamixel::DynamixelClient::new(port)))),
         })
     }
 
@@ -92,7 +92,7 @@ impl SerialBus {
                 if own == id { Ok(identity) } else { Err(BusError::Corrupt) }
             }
             // Firmware (2 bytes), byte order, model (2 bytes), id.
-            Self::Feetech(bus, _) => {
+            Self::Feetech(bus) => {
                 let mut data = [0; 6];
                 bus.client().read(id, 0, &mut data).await?;
                 let [major, minor, _, low, high, own] = data;
@@ -100,7 +100,7 @@ impl SerialBus {
                 let identity = Identity { model: u16::from_le_bytes([low, high]), firmware };
                 if own == id { Ok(identity) } else { Err(BusError::Corrupt) }
             }
-            Self::Blender(_) | Self::None => Err(BusError::Unsupported),
+            Self::Blender(_) => Err(BusError::Unsupported),
         }
     }
 
@@ -159,61 +159,7 @@ async fn look_at_dynamixel(
     })
 }
 
-/// Calls the bus that there is; `$absent` where there is none.
-macro_rules! served {
-    ($self:expr, $bus:ident => $call:expr, $absent:expr) => {
-        match $self {
-            SerialBus::Dynamixel($bus) => $call,
-            SerialBus::Dynamixel1($bus) => $call,
-            SerialBus::Feetech($bus, _) => $call,
-            SerialBus::Blender($bus) => $call,
-            SerialBus::None => $absent,
-        }
-    };
-}
-
-impl ServoBus for SerialBus {
-    fn reads(&self, index: usize) -> bool {
-        served!(self, bus => bus.reads(index), false)
-    }
-
-    async fn ping(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
-        served!(self, bus => bus.ping(ids, index).await, Err(BusError::TooMany))
-    }
-
-    async fn set_torque(&mut self, ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
-        served!(self, bus => bus.set_torque(ids, index, on).await, Err(BusError::TooMany))
-    }
-
-    async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
-        served!(self, bus => bus.write_goals(goals).await, Ok(()))
-    }
-
-    async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
-        served!(self, bus => bus.read_all(ids, readings).await, Ok(()))
-    }
-
-    async fn reboot(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
-        served!(self, bus => bus.reboot(ids, index).await, Err(BusError::TooMany))
-    }
-
-    async fn set_watchdog(&mut self, ids: &[u8], millis: u16) -> Result<(), BusError> {
-        served!(self, bus => bus.set_watchdog(ids, millis).await, Err(BusError::Unsupported))
-    }
-}
-
-/// A kind of bus as puppet.toml names it.
-pub const fn name(kind: BusKind) -> &'static str {
-    match kind {
-        BusKind::Dynamixel => "dynamixel",
-        BusKind::Dynamixel1 => "dynamixel1",
-        BusKind::Sts => "sts",
-        BusKind::Scs => "scs",
-        BusKind::Pwm => "pwm",
-        BusKind::Pca9685 => "pca9685",
-        BusKind::Blender => "blender",
-    }
-}
+impl_servo_bus!([] SerialBus { Dynamixel, Dynamixel1, Feetech, Blender });
 
 /// Which port each of those buses of a puppet is on that are `wanted`: `PORT`, or `NAME=PORT,NAME=PORT` for several. Ports of others
 /// may be named.
@@ -250,17 +196,14 @@ pub fn paths(on: &str, names: &[String], wanted: impl Fn(usize) -> bool) -> Resu
 /// # Errors
 /// Those of [`SerialBus::open`].
 pub fn open(map: &Map, paths: &[String]) -> Result<Buses> {
-    let mut buses = Vec::new();
-    for (spec, path) in map.buses().iter().zip(paths) {
-        buses.push(SerialBus::open(*spec, path)?);
+    let mut buses = heapless::Vec::new();
+    for (index, (spec, path)) in (0..).zip(map.buses().iter().zip(paths)) {
+        let bus = SerialBus::open(*spec, path)?;
+        if buses.push((bus, map.on_bus(index).len())).is_err() {
+            bail!("a puppet has at most {MAX_BUSES} buses");
+        }
     }
-    buses.resize_with(MAX_BUSES, || SerialBus::None);
-    let count = |bus: u8| map.joints().iter().filter(|joint| joint.bus == bus).count();
-    let Ok([first, second, third, fourth]) = <[SerialBus; MAX_BUSES]>::try_from(buses) else {
-        bail!("a puppet has at most {MAX_BUSES} buses");
-    };
-    let (one, other) = (Both::new(first, second, count(0)), Both::new(third, fourth, count(2)));
-    Ok(Both::new(one, other, count(0) + count(1)))
+    Ok(JoinedBuses::new(buses))
 }
 
 #[cfg(test)]

@@ -81,7 +81,7 @@ pub async fn until(end: Instant) {
 }
 
 /// Runs to the end; the thread sleeps while nothing can go on.
-pub fn run<T>(future: impl Future<Output = T>) -> T {
+pub fn block_on<T>(future: impl Future<Output = T>) -> T {
     let mut future = pin!(future);
     loop {
         match future.as_mut().poll(&mut TaskContext::from_waker(Waker::noop())) {
@@ -104,7 +104,7 @@ mod tests {
     #[test]
     fn time_passes() {
         let start = Instant::now();
-        run(RealTime.delay_ms(3));
+        block_on(RealTime.delay_ms(3));
         assert!(start.elapsed() >= Duration::from_millis(3));
     }
 }

@@ -2,12 +2,12 @@
 
 use super::measure::Expected;
 use crate::clip::Clip;
-use crate::puppet::Map;
 use anyhow::{Result, bail};
 use decoder_core::I16F16;
 use firmware::decoder_list::SingleClip;
 use firmware::machine::{After, IdealServos, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
+use puppet_file::Map;
 use servo_wire::dynamixel::sync_write::{goal_positions, goal_positions_len};
 
 /// The frames of a clip.

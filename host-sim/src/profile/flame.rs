@@ -1,37 +1,18 @@
 //! Cycles by function and what it calls, as a flame graph draws them.
 
+use crate::plot::flame::Node;
 use thumb_cycles::CallPath;
 
-/// A function's cycles, all frames together, on one path of calls.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Node {
-    /// The function.
-    pub name: String,
-    /// Cycles, with those of the functions that it calls.
-    pub cycles: u64,
-    /// Cycles in the function itself.
-    pub itself: u64,
-    /// What it calls, by the most cycles.
-    pub children: Vec<Node>,
-}
-
-impl Node {
-    /// The tree below the path with number `root`.
-    pub fn of(paths: &[CallPath], root: usize) -> Self {
-        let Some(path) = paths.get(root) else {
-            return Self::default();
-        };
-        // A path comes after its parent.
-        let below = (root + 1..paths.len()).filter(|&at| paths[at].parent == Some(root));
-        let mut children: Vec<Self> = below.map(|at| Self::of(paths, at)).collect();
-        children.sort_by(|a, b| b.cycles.cmp(&a.cycles).then_with(|| a.name.cmp(&b.name)));
-        Self { name: path.name.clone(), cycles: path.inclusive, itself: path.cycles, children }
-    }
-
-    /// Rows that a drawing takes.
-    pub fn depth(&self) -> usize {
-        1 + self.children.iter().map(Self::depth).max().unwrap_or(0)
-    }
+/// The tree below the path with number `root`.
+pub fn tree(paths: &[CallPath], root: usize) -> Node {
+    let Some(path) = paths.get(root) else {
+        return Node::default();
+    };
+    // A path comes after its parent.
+    let below = (root + 1..paths.len()).filter(|&at| paths[at].parent == Some(root));
+    let mut children: Vec<Node> = below.map(|at| tree(paths, at)).collect();
+    children.sort_by(|a, b| b.cycles.cmp(&a.cycles).then_with(|| a.name.cmp(&b.name)));
+    Node { name: path.name.clone(), cycles: path.inclusive, itself: path.cycles, children }
 }
 
 #[cfg(test)]
@@ -54,7 +35,7 @@ mod tests {
             path("more", Some(1), 25, 30),
             path("deep", Some(3), 5, 5),
         ];
-        let node = Node::of(&paths, 1);
+        let node = tree(&paths, 1);
         assert_eq!((node.name.as_str(), node.cycles, node.itself, node.depth()), ("frame", 51, 1, 3));
         let names: Vec<&str> = node.children.iter().map(|child| child.name.as_str()).collect();
         assert_eq!(names, ["more", "less"]);

@@ -1,6 +1,8 @@
 //! Runs a bare image on the simulator, frame by frame.
 
-use super::flame::Node;
+use super::flame;
+use super::loaded::LoadedImage;
+use crate::plot::flame::Node;
 use anyhow::{Context, Result, anyhow, bail};
 use std::time::{Duration, Instant};
 use thumb_cycles::{Board, Core, Image, Machine, Region, SelfCycles, Stop};
@@ -53,9 +55,8 @@ impl Runner {
     ///
     /// # Errors
     /// A sentence where the image is not of this kind, stops with a fault, or refuses its clip.
-    pub fn new(core: Core, elf: &[u8], wait_states: u32) -> Result<Self> {
-        let image = Image::parse(elf).map_err(|error| anyhow!(error))?;
-        let mut machine = Machine::new(core, &board(wait_states), &image).map_err(|error| anyhow!(error))?;
+    pub fn new(core: Core, loaded: &LoadedImage, wait_states: u32) -> Result<Self> {
+        let (image, mut machine) = start(core, loaded, wait_states)?;
         let symbol = |name: &str| {
             image
                 .symbol(name)
@@ -124,7 +125,7 @@ impl Runner {
         // Frames are called by the host, on the first path.
         let frame = paths.iter().position(|path| path.parent == Some(0)).unwrap_or(0);
         let mut measured = self.measured;
-        measured.flame = Node::of(&paths, frame);
+        measured.flame = flame::tree(&paths, frame);
         measured.functions = self.machine.self_cycles();
         measured.frame_stack_bytes = usage.stack;
         measured.stack_bytes = measured.stack_bytes.max(depth + usage.stack);
@@ -132,11 +133,20 @@ impl Runner {
     }
 }
 
-/// Memory like that of the board qemu-mps2.
-pub(super) fn board(wait_states: u32) -> Board {
+/// The image on a core, after reset, with memory like that of the board qemu-mps2 and its files in flash.
+pub(super) fn start(core: Core, loaded: &LoadedImage, wait_states: u32) -> Result<(Image, Machine)> {
+    let image = Image::parse(&loaded.elf).map_err(|error| anyhow!(error))?;
     let mut flash = Region::new("flash", FLASH, BYTES, false);
     flash.wait_states.cycles = wait_states;
-    Board { name: "profile", regions: vec![flash, Region::new("RAM", RAM, BYTES, true)], ..Board::bare() }
+    for (address, bytes) in &loaded.files {
+        let from = (address - FLASH) as usize;
+        let place = flash.data.get_mut(from..from.saturating_add(bytes.len()));
+        place.with_context(|| format!("{BYTES} bytes of flash are too few"))?.copy_from_slice(bytes);
+    }
+    let regions = vec![flash, Region::new("RAM", RAM, BYTES, true)];
+    let board = Board { name: "profile", regions, ..Board::bare() };
+    let machine = Machine::new(core, &board, &image).map_err(|error| anyhow!(error))?;
+    Ok((image, machine))
 }
 
 fn run_to(machine: &mut Machine, address: u32) -> Result<()> {
@@ -162,14 +172,14 @@ pub struct Expected {
 ///
 /// # Errors
 /// As [`Runner`]; also where a frame is another.
-pub fn run(
+pub fn frames(
     core: Core,
-    elf: &[u8],
+    image: &LoadedImage,
     wait_states: u32,
     expected: &Expected,
     progress: &mut dyn FnMut(),
 ) -> Result<Measured> {
-    let mut runner = Runner::new(core, elf, wait_states)?;
+    let mut runner = Runner::new(core, image, wait_states)?;
     for (number, frame) in expected.frames.iter().enumerate() {
         match runner.next_frame(expected.element)? {
             Some(found) if found == frame => progress(),

@@ -1,9 +1,10 @@
 //! What `bunraku profile` reports of a clip, core by core.
 
 use super::elf::{Memory, Section};
-use super::flame::Node;
+use super::loaded::LoadedImage;
 use super::measure::Measured;
 use super::parts::Energy;
+use crate::plot::flame::Node;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use thumb_cycles::Core;
@@ -187,13 +188,13 @@ impl CoreReport {
     /// A sentence where the image is no ELF file.
     pub fn new(
         core: Core,
-        image: &[u8],
+        image: &LoadedImage,
         measured: Measured,
         samples: usize,
         clock_hz: f64,
         rate_hz: f64,
     ) -> Result<Self> {
-        let memory = Memory::of(image)?;
+        let memory = Memory::of(&image.elf)?.with(image.file_bytes(), image.lent_bytes);
         let frames = measured.frame_cycles;
         let mut sorted = frames.clone();
         sorted.sort_unstable();
@@ -294,7 +295,7 @@ mod tests {
             functions: vec![SelfCycles { name: "large".to_owned(), bytes: 4, cycles: 400 }],
             ..Measured::default()
         };
-        CoreReport::new(Core::M4, &own, measured, 10, 1e6, 100.0).unwrap()
+        CoreReport::new(Core::M4, &LoadedImage::alone(own), measured, 10, 1e6, 100.0).unwrap()
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What a tick costs on the wires: bytes, time, and the tick rate that leaves.
 
-use super::{Map, Puppet};
 use firmware::map::BusKind;
+use puppet_file::{Map, Puppet};
 use serde::Serialize;
 use servo_wire::blender::FRAME_LEN;
 use servo_wire::dynamixel::packet::OVERHEAD as OVERHEAD_2;

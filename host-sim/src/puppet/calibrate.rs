@@ -1,8 +1,8 @@
 //! Puts measured positions into a puppet.toml, and leaves the rest of the file as it is.
 
-use super::Puppet;
 use crate::files;
 use anyhow::{Context, Result, bail};
+use puppet_file::Puppet;
 use toml_edit::{Array, DocumentMut, Item, Table, Value, value};
 
 /// Where somebody held a joint, in goal units.
@@ -18,39 +18,36 @@ pub struct Measured {
     pub max: i32,
 }
 
-impl Puppet {
-    /// The text of the file with these zeros and ranges; comments and order stay.
-    ///
-    /// # Errors
-    /// A sentence for a joint that is not in the file.
-    pub fn with_measured(&self, measured: &[Measured]) -> Result<String> {
-        let (path, text) = self.source();
-        let mut document: DocumentMut = text.parse().with_context(|| path.display().to_string())?;
-        let Some(joints) = document.get_mut("joint").and_then(Item::as_array_of_tables_mut) else {
-            bail!("{}: expected the joints as tables [[joint]]", path.display());
+/// The text of a puppet's file with these zeros and ranges; comments and order stay.
+///
+/// # Errors
+/// A sentence for a joint that is not in the file.
+pub fn with_measured(puppet: &Puppet, measured: &[Measured]) -> Result<String> {
+    let (path, text) = puppet.source();
+    let mut document: DocumentMut = text.parse().with_context(|| path.display().to_string())?;
+    let Some(joints) = document.get_mut("joint").and_then(Item::as_array_of_tables_mut) else {
+        bail!("{}: expected the joints as tables [[joint]]", path.display());
+    };
+    for found in measured {
+        let is = |table: &&mut Table| table.get("name").and_then(Item::as_str) == Some(found.name.as_str());
+        let Some(table) = joints.iter_mut().find(is) else {
+            bail!("{}: there is no joint \"{}\"", path.display(), found.name);
         };
-        for found in measured {
-            let is =
-                |table: &&mut Table| table.get("name").and_then(Item::as_str) == Some(found.name.as_str());
-            let Some(table) = joints.iter_mut().find(is) else {
-                bail!("{}: there is no joint \"{}\"", path.display(), found.name);
-            };
-            set(table, "zero", "zero", i64::from(found.zero).into());
-            let range: Array = [i64::from(found.min), found.max.into()].into_iter().collect();
-            let old = if table.contains_key("range") { "range" } else { "goal_range" };
-            set(table, old, "goal_range", range.into());
-        }
-        Ok(document.to_string())
+        set(table, "zero", "zero", i64::from(found.zero).into());
+        let range: Array = [i64::from(found.min), found.max.into()].into_iter().collect();
+        let old = if table.contains_key("range") { "range" } else { "goal_range" };
+        set(table, old, "goal_range", range.into());
     }
+    Ok(document.to_string())
+}
 
-    /// Writes [`with_measured`](Self::with_measured) to the file.
-    ///
-    /// # Errors
-    /// A sentence that names the file.
-    pub fn write_measured(&self, measured: &[Measured]) -> Result<()> {
-        let text = self.with_measured(measured)?;
-        files::write(self.source().0, |file| Ok(file.write_all(text.as_bytes())?))
-    }
+/// Writes [`with_measured`] to the file.
+///
+/// # Errors
+/// A sentence that names the file.
+pub fn write_measured(puppet: &Puppet, measured: &[Measured]) -> Result<()> {
+    let text = with_measured(puppet, measured)?;
+    files::write(puppet.source().0, |file| Ok(file.write_all(text.as_bytes())?))
 }
 
 /// Puts `new` and its value where `old` was, with the comments that stood there; at the end if it was nowhere.
@@ -92,7 +89,7 @@ mod tests {
 
     #[test]
     fn only_what_was_measured_changes() {
-        let text = puppet(TEXT).with_measured(&[measured("elbow"), measured("other")]).unwrap();
+        let text = with_measured(&puppet(TEXT), &[measured("elbow"), measured("other")]).unwrap();
         let expected = TEXT
             .replace(
                 "range = [-90, 10] # degrees\nmax_speed = 90\n",
@@ -109,7 +106,7 @@ mod tests {
 
     #[test]
     fn a_joint_that_is_none_is_named() {
-        let error = puppet(TEXT).with_measured(&[measured("knee")]).unwrap_err().to_string();
+        let error = with_measured(&puppet(TEXT), &[measured("knee")]).unwrap_err().to_string();
         assert_eq!(error, "puppet.toml: there is no joint \"knee\"");
     }
 }

@@ -1,12 +1,12 @@
 //! What a clip asks of each joint, beside what the joint may do.
 
-use super::Map;
 use anyhow::{Result, anyhow};
 use firmware::clock::Speed;
 use firmware::frames::Frames;
 use firmware::limits::{FINE_BITS, Limiter};
 use firmware::map::Joint;
 use firmware::playback::Playback;
+use puppet_file::Map;
 use serde::Serialize;
 
 /// The largest of something, and where it was.
@@ -135,8 +135,8 @@ const NONE: Worst = Worst { value: 0.0, seconds: 0.0 };
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::puppet::Puppet;
     use decoder_core::{Error, I16F16};
+    use puppet_file::Puppet;
     use std::path::Path;
 
     /// Channel 0 of all frames, at 10 frames a second.

@@ -1,8 +1,8 @@
 //! The graphs: which curves they show, and how their points become lines.
 
-use super::chart::{Axis, Chart, Line, Look, Marker, Panel};
 use super::curve::{Curve, Sweep};
 use super::sweep::{POOLED, Point};
+use crate::plot::chart::{Axis, Chart, Line, Look, Marker, Panel};
 use decoder_core::mclip::{CodecId, EntropyId};
 
 /// A graph of the two documents that this reproduces. Those over time, of one channel, are [`super::trace`]'s.
@@ -39,8 +39,8 @@ impl Figure {
     /// asked for: direct quantisation none, the others the smallest.
     pub fn curves(self, faithful: bool) -> Vec<Curve> {
         let plain = |mut curve: Curve| {
-            if let Sweep::Bits(settings) = &mut curve.sweep {
-                settings.entropy = Some(EntropyId::FixedWidth);
+            if let Sweep::Bits(encoding) = &mut curve.sweep {
+                encoding.entropy = Some(EntropyId::FixedWidth);
             }
             curve
         };

@@ -2,9 +2,8 @@
 //!
 //! [`curve`] says what is swept, [`sweep`] encodes, decodes and measures, [`figure`] makes the graphs of the
 //! waveform-coding document (7-3, 7-6, 7-8) and of the QMD paper (5, 6) of it, [`trace`] those of one channel over
-//! time (7-2, 7-5, 7-7), and [`chart`] draws. docs/RD.md has the commands and what they gave.
+//! time (7-2, 7-5, 7-7), and [`chart`](crate::plot::chart) draws. docs/RD.md has the commands and what they gave.
 
-pub mod chart;
 pub mod curve;
 pub mod figure;
 pub mod psnr;

@@ -1,12 +1,12 @@
 //! One channel over time: what was recorded, what is decoded, and the error (figures 7-2, 7-5 and 7-7).
 
 use super::Named;
-use super::chart::{Axis, Chart, Line, Look, Marker, Panel};
 use super::curve::{Curve, Sweep};
 use super::sweep;
-use crate::puppet::Channels;
-use anyhow::{Result, bail};
+use crate::plot::chart::{Axis, Chart, Line, Look, Marker, Panel};
+use anyhow::{Context, Result, bail};
 use encoder::mclip::Quality;
+use puppet_file::Channels;
 use std::io::Write;
 
 /// A channel's values, as recorded and as decoded.
@@ -55,20 +55,18 @@ pub struct Error<'t> {
 /// bits.
 pub fn trace(named: &Named, channel: &str, curves: &[Curve], bits: &[u8]) -> Result<Trace> {
     let skeleton = &named.clip.skeleton;
-    let Some(index) = skeleton.channel(channel) else {
-        bail!("{}: {}", named.name, Channels::from(skeleton).missing(channel));
-    };
+    let (index, _) = Channels::from(skeleton).find(channel).with_context(|| named.name.clone())?;
     let mut motion = named.clip.motion.clone();
     motion.unwrap_angles(skeleton);
     let column = |motion: &mocap::Motion| motion.iter().map(|pose| pose[index]).collect::<Vec<f64>>();
     let mut decoded = Vec::new();
     for curve in curves {
-        let Sweep::Bits(settings) = curve.sweep else { continue };
+        let Sweep::Bits(encoding) = curve.sweep else { continue };
         for &bits in bits {
-            if !(1..=settings.most_bits()).contains(&bits) {
-                bail!("{} has codes of 1 to {} bits, not of {bits}", curve.name, settings.most_bits());
+            if !(1..=encoding.most_bits()).contains(&bits) {
+                bail!("{} has codes of 1 to {} bits, not of {bits}", curve.name, encoding.most_bits());
             }
-            let quality = super::curve::Quality::Mclip(settings, Quality::Bits(bits));
+            let quality = super::curve::Quality::Mclip(encoding, Quality::Bits(bits));
             let clip = sweep::decode(&sweep::encode(named, quality)?, quality)?;
             decoded.push(Decoded { curve: curve.name.clone(), bits, values: column(&clip) });
         }

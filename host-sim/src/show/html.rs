@@ -1,15 +1,15 @@
 //! A show on one page that needs nothing else.
 
 use super::file::Program;
-use super::plot::{Plot, Series, Span, time_line};
-use super::run::{Ran, What};
+use super::played::{Cost, NoteKind, PlayedShow};
 use super::summary::{Summary, Track, tracks};
-use crate::profile::html::STYLE;
-use crate::profile::svg::escape;
+use crate::plot::lines::{Plot, Series};
+use crate::plot::page::{figure, page, table};
+use crate::plot::spans::{Span, time_line};
 use firmware::clips::LIVE;
 use firmware::limits::FINE_BITS;
 use firmware::map::Joint;
-use std::fmt::{Result, Write};
+use maud::{Markup, html};
 
 /// What this page has besides the style of all.
 const OWN_STYLE: &str = "\
@@ -28,68 +28,53 @@ polyline { fill: none; stroke-width: 1.3; stroke-linejoin: round } .goal { strok
 /// Width of the drawings that are as wide as the page.
 const WIDE: f64 = 1100.0;
 
-/// Writes the page.
-///
-/// # Errors
-/// Only where `page` has any.
-pub fn write(page: &mut dyn Write, program: &Program, ran: &Ran, summary: &Summary) -> Result {
-    let name = escape(&summary.name);
+/// The page.
+pub fn show_page(program: &Program, played: &PlayedShow, summary: &Summary) -> String {
     let seconds = summary.seconds;
-    let tracks = tracks(program, ran);
-    write!(
-        page,
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
-         content=\"width=device-width, initial-scale=1\">\n<title>{name}: a show</title>\n<style>\n{STYLE}{OWN_STYLE}</style>\n\
-         </head>\n<body>\n<h1>{name}</h1>\n"
-    )?;
+    let tracks = tracks(program, played);
+    let marks = &program.events;
     let place = match summary.on {
         "sim" => "the simulated Cortex-M4, which counts cycles",
         "qemu" => "a Cortex-M4 under QEMU",
         _ => "this machine",
     };
-    writeln!(
-        page,
-        "<p class=\"soft\">{} virtual servos at {} Hz, told by the firmware on {place}. Time counts ticks in which goals were \
-         sent.</p>",
-        program.map.joints().len(),
-        program.map.tick_hz()
-    )?;
-    tiles(page, summary)?;
-
-    let marks = &program.events;
-    writeln!(
-        page,
-        "<figure><figcaption>What happened: states, clips, latched faults, and what was done to it</figcaption>"
-    )?;
-    time_line(page, WIDE, seconds, &rows(program, ran, summary), marks)?;
-    writeln!(page, "</figure>")?;
-    faults(page, summary)?;
-    streams(page, summary)?;
-    over_all(page, program, ran, summary, &tracks)?;
-
-    writeln!(
-        page,
-        "<h2>Servos</h2>\n<p class=\"key soft\"><b class=\"g\">Goal</b> and <b class=\"p\">present position</b> in degrees of \
-         the channel; dashed: the range. The red lines are what was done.</p>\n<div class=\"servos\">"
-    )?;
-    for ((joint, track), servo) in program.map.joints().iter().zip(&tracks).zip(&summary.servos) {
-        writeln!(
-            page,
-            "<figure><figcaption>{} {}: error {:.2}° rms, {:.2}° at most</figcaption>",
-            servo.id,
-            escape(&servo.name),
-            servo.error_rms,
-            servo.error_max
-        )?;
-        servo_plot(joint, track, &servo.name, seconds, marks).draw(page)?;
-        writeln!(page, "</figure>")?;
-    }
-    writeln!(page, "</div>")?;
-    table(page, summary)?;
-    writeln!(page, "</body>\n</html>")
+    let servos = program.map.joints().iter().zip(&tracks).zip(&summary.servos);
+    let body = html! {
+        h1 { (summary.name) }
+        p class="soft" {
+            (program.map.joints().len()) " virtual servos at " (program.map.tick_hz())
+            " Hz, told by the firmware on " (place) ". Time counts ticks in which goals were sent."
+        }
+        (tiles(summary))
+        (figure(
+            html! { "What happened: states, clips, latched faults, and what was done to it" },
+            time_line(WIDE, seconds, &rows(program, played, summary), marks),
+        ))
+        (faults(summary))
+        (streams(summary))
+        (over_all(program, played, summary, &tracks))
+        h2 { "Servos" }
+        p class="key soft" {
+            b class="g" { "Goal" } " and " b class="p" { "present position" }
+            " in degrees of the channel; dashed: the range. The red lines are what was done."
+        }
+        div class="servos" {
+            @for ((joint, track), servo) in servos {
+                (figure(
+                    html! {
+                        (servo.id) " " (servo.name)
+                        (format!(": error {:.2}° rms, {:.2}° at most", servo.error_rms, servo.error_max))
+                    },
+                    servo_plot(joint, track, &servo.name, seconds, marks).draw(),
+                ))
+            }
+        }
+        (in_numbers(summary))
+    };
+    page(&format!("{}: a show", summary.name), OWN_STYLE, body)
 }
 
-fn tiles(page: &mut dyn Write, summary: &Summary) -> Result {
+fn tiles(summary: &Summary) -> Markup {
     let good = |good: bool| if good { "good" } else { "bad" };
     let end = match &summary.fault {
         None => summary.ends.clone(),
@@ -97,7 +82,7 @@ fn tiles(page: &mut dyn Write, summary: &Summary) -> Result {
     };
     let error = summary.servos.iter().map(|servo| servo.error_rms).fold(0.0, f64::max);
     let mut tiles = vec![
-        (good(summary.fault.is_none()), escape(&end), "in the end".to_owned()),
+        (good(summary.fault.is_none()), end, "in the end".to_owned()),
         ("", format!("{:.2} s", summary.seconds), format!("{} ticks", summary.ticks)),
         (
             good(summary.outside_limits == 0),
@@ -124,18 +109,18 @@ fn tiles(page: &mut dyn Write, summary: &Summary) -> Result {
         tiles.push((good(cost.overrun == 0), cost.overrun.to_string(), "ticks overrun".to_owned()));
         tiles.push(("", format!("{:.0}", cost.awake_mean), "cycles awake a tick, mean".to_owned()));
     }
-    writeln!(page, "<div class=\"tiles\">")?;
-    for (class, value, what) in tiles {
-        writeln!(page, "<div class=\"{class}\"><b>{value}</b>{what}</div>")?;
+    html! {
+        div class="tiles" {
+            @for (class, value, what) in tiles { div class=(class) { b { (value) } (what) } }
+        }
     }
-    writeln!(page, "</div>")
 }
 
 /// States, clips and latched faults as stretches of time.
-fn rows<'a>(program: &Program, ran: &Ran, summary: &Summary) -> Vec<(&'a str, Vec<Span>)> {
+fn rows<'a>(program: &Program, played: &PlayedShow, summary: &Summary) -> Vec<(&'a str, Vec<Span>)> {
     let hz = f64::from(program.map.tick_hz());
-    let spans = |what: What, class: &dyn Fn(&str) -> String, text: &dyn Fn(&str) -> String| {
-        let notes: Vec<_> = ran.notes.iter().filter(|note| note.what == what).collect();
+    let spans = |what: NoteKind, class: &dyn Fn(&str) -> String, text: &dyn Fn(&str) -> String| {
+        let notes: Vec<_> = played.notes.iter().filter(|note| note.what == what).collect();
         let ends = notes.iter().skip(1).map(|note| f64::from(note.tick) / hz).chain([summary.seconds]);
         let with_ends = notes.iter().zip(ends).filter(|(note, _)| !note.text.is_empty());
         with_ends
@@ -162,63 +147,53 @@ fn rows<'a>(program: &Program, ran: &Ran, summary: &Summary) -> Vec<(&'a str, Ve
     };
     let colour = |text: &str| format!("clip{}", text.parse::<usize>().unwrap_or(0) % 5);
     vec![
-        ("state", spans(What::State, &|text| format!("state {text}"), &str::to_owned)),
-        ("clip", spans(What::Clip, &colour, &clip)),
-        ("stream", spans(What::Stream, &|text| format!("made {text}"), &made)),
-        ("fault", spans(What::Fault, &|_| "latched".to_owned(), &str::to_owned)),
+        ("state", spans(NoteKind::State, &|text| format!("state {text}"), &str::to_owned)),
+        ("clip", spans(NoteKind::Clip, &colour, &clip)),
+        ("stream", spans(NoteKind::Stream, &|text| format!("made {text}"), &made)),
+        ("fault", spans(NoteKind::Fault, &|_| "latched".to_owned(), &str::to_owned)),
     ]
 }
 
-fn faults(page: &mut dyn Write, summary: &Summary) -> Result {
+fn faults(summary: &Summary) -> Markup {
     if summary.faults.is_empty() {
-        return Ok(());
+        return html! {};
     }
-    writeln!(
-        page,
-        "<h2>Faults</h2>\n<div class=\"scroll\"><table>\n<tr><th>latched</th><th>fault</th><th>state reached</th><th>after</th>\
-         <th>acknowledged</th></tr>"
-    )?;
-    for fault in &summary.faults {
-        writeln!(
-            page,
-            "<tr><td>{:.2} s</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-            fault.at,
-            escape(&fault.fault),
-            fault.state,
-            fault.settled_ms.map_or("never".to_owned(), |ms| format!("{ms:.0} ms")),
-            fault.acknowledged_at.map_or("no".to_owned(), |at| format!("{at:.2} s"))
-        )?;
-    }
-    writeln!(page, "</table></div>")
+    let rows = html! {
+        @for fault in &summary.faults {
+            tr {
+                td { (format!("{:.2} s", fault.at)) }
+                td { (fault.fault) }
+                td { (fault.state) }
+                td { @match fault.settled_ms { Some(ms) => (format!("{ms:.0} ms")), None => "never" } }
+                td { @match fault.acknowledged_at { Some(at) => (format!("{at:.2} s")), None => "no" } }
+            }
+        }
+    };
+    html! { h2 { "Faults" } (table(&["latched", "fault", "state reached", "after", "acknowledged"], rows)) }
 }
 
-fn streams(page: &mut dyn Write, summary: &Summary) -> Result {
+fn streams(summary: &Summary) -> Markup {
     if summary.streams.is_empty() {
-        return Ok(());
+        return html! {};
     }
-    writeln!(
-        page,
-        "<h2>Live streams</h2>\n<div class=\"scroll\"><table>\n<tr><th>from</th><th>to</th><th>frames as sent</th><th>concealed</th>\
-         <th>on the way back</th><th>passed over</th></tr>"
-    )?;
-    for stream in &summary.streams {
-        writeln!(
-            page,
-            "<tr><td>{:.2} s</td><td>{:.2} s</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
-            stream.from, stream.to, stream.played, stream.concealed, stream.eased, stream.lost
-        )?;
-    }
-    writeln!(page, "</table></div>")
+    let heads = ["from", "to", "frames as sent", "concealed", "on the way back", "passed over"];
+    let rows = html! {
+        @for stream in &summary.streams {
+            tr {
+                td { (format!("{:.2} s", stream.from)) }
+                td { (format!("{:.2} s", stream.to)) }
+                td { (stream.played) }
+                td { (stream.concealed) }
+                td { (stream.eased) }
+                td { (stream.lost) }
+            }
+        }
+    };
+    html! { h2 { "Live streams" } (table(&heads, rows)) }
 }
 
 /// Error, speed and deadline of all servos together.
-fn over_all(
-    page: &mut dyn Write,
-    program: &Program,
-    ran: &Ran,
-    summary: &Summary,
-    tracks: &[Track],
-) -> Result {
+fn over_all(program: &Program, played: &PlayedShow, summary: &Summary, tracks: &[Track]) -> Markup {
     let joints = program.map.joints();
     let ticks = summary.ticks as usize;
     let most = |of: &dyn Fn(&Joint, &Track, usize) -> Option<f64>| -> Vec<Option<f64>> {
@@ -254,39 +229,49 @@ fn over_all(
         marks: &program.events,
         series,
     };
-    writeln!(
-        page,
-        "<h2>All servos</h2>\n<figure><figcaption>Tracking error: how far the servo that is furthest off is from the goal of the tick before</figcaption>"
-    )?;
     let range = (0.0, (top(&error) * 1.08).max(1.0));
-    plot("Tracking error", range, "degrees", vec![], vec![Series { class: "error", values: error }])
-        .draw(page)?;
-    writeln!(
-        page,
-        "</figure>\n<figure><figcaption class=\"key\">The goals' <b>velocity</b> (blue) and <b class=\"p\">acceleration</b> as \
-         shares of the joints' limits, of the joint that has most; jumps of goals that a servo was not there to take are cut off</figcaption>"
-    )?;
-    let series = vec![Series { class: "sudden", values: sudden }, Series { class: "speed", values: speed }];
-    plot("Velocity and acceleration", (0.0, 120.0), "% of the limit", vec![100.0], series).draw(page)?;
-    writeln!(page, "</figure>")?;
-    if !ran.costs.is_empty() {
-        let tick_ms = 1e3 / f64::from(program.map.tick_hz());
-        writeln!(
-            page,
-            "<figure><figcaption class=\"key\">Of each tick of {tick_ms:.2} ms: the <b class=\"p\">time on the bus</b>, and what \
-             was <b>left</b> (blue) when the last answer was in and the core had done all it had to</figcaption>"
-        )?;
-        let values =
-            |of: fn(&super::run::Cost) -> f64| ran.costs.iter().map(|cost| Some(of(cost) / 1e3)).collect();
-        let series = vec![
-            Series { class: "busy", values: values(|cost| cost.bus_us) },
-            Series { class: "left", values: values(|cost| cost.left_us) },
-        ];
-        let longest = ran.costs.iter().map(|cost| cost.bus_us / 1e3).fold(tick_ms, f64::max);
-        plot("Deadline margin", (0.0, longest * 1.05), "ms", vec![tick_ms], series).draw(page)?;
-        writeln!(page, "</figure>")?;
+    let error = vec![Series { class: "error", values: error }];
+    let moving = vec![Series { class: "sudden", values: sudden }, Series { class: "speed", values: speed }];
+    html! {
+        h2 { "All servos" }
+        (figure(
+            html! { "Tracking error: how far the servo that is furthest off is from the goal of the tick before" },
+            plot("Tracking error", range, "degrees", vec![], error).draw(),
+        ))
+        (figure(
+            html! {
+                span class="key" {
+                    "The goals' " b { "velocity" } " (blue) and " b class="p" { "acceleration" }
+                    " as shares of the joints' limits, of the joint that has most; jumps of goals that a servo was not \
+                     there to take are cut off"
+                }
+            },
+            plot("Velocity and acceleration", (0.0, 120.0), "% of the limit", vec![100.0], moving).draw(),
+        ))
+        @if !played.costs.is_empty() {
+            @let tick_ms = 1e3 / f64::from(program.map.tick_hz());
+            @let longest = played.costs.iter().map(|cost| cost.bus_us / 1e3).fold(tick_ms, f64::max);
+            (figure(
+                html! {
+                    span class="key" {
+                        (format!("Of each tick of {tick_ms:.2} ms: the ")) b class="p" { "time on the bus" }
+                        ", and what was " b { "left" }
+                        " (blue) when the last answer was in and the core had done all it had to"
+                    }
+                },
+                plot("Deadline margin", (0.0, longest * 1.05), "ms", vec![tick_ms], deadline(&played.costs)).draw(),
+            ))
+        }
     }
-    Ok(())
+}
+
+/// What each tick spends on the bus, and what is left of it.
+fn deadline(costs: &[Cost]) -> Vec<Series<'static>> {
+    let values = |of: fn(&Cost) -> f64| costs.iter().map(|cost| Some(of(cost) / 1e3)).collect();
+    vec![
+        Series { class: "busy", values: values(|cost| cost.bus_us) },
+        Series { class: "left", values: values(|cost| cost.left_us) },
+    ]
 }
 
 fn servo_plot<'a>(
@@ -317,27 +302,32 @@ fn servo_plot<'a>(
     }
 }
 
-fn table(page: &mut dyn Write, summary: &Summary) -> Result {
-    writeln!(
-        page,
-        "<h2>In numbers</h2>\n<div class=\"scroll\"><table>\n<tr><th>joint</th><th>servo</th><th>error, rms</th><th>error, most</th>\
-         <th>at</th><th>speed, of its limit</th><th>acceleration, of its limit</th><th>ticks missed</th><th>goals outside limits</th></tr>"
-    )?;
-    for servo in &summary.servos {
-        writeln!(
-            page,
-            "<tr><td>{}</td><td>{}</td><td>{:.3}°</td><td>{:.2}°</td><td>{:.2} s</td><td>{:.0} %</td><td>{:.0} %</td><td>{}</td>\
-             <td>{}</td></tr>",
-            escape(&servo.name),
-            servo.id,
-            servo.error_rms,
-            servo.error_max,
-            servo.error_max_at,
-            100.0 * servo.speed,
-            100.0 * servo.acceleration,
-            servo.missed,
-            servo.outside_limits
-        )?;
-    }
-    writeln!(page, "</table></div>")
+fn in_numbers(summary: &Summary) -> Markup {
+    let heads = [
+        "joint",
+        "servo",
+        "error, rms",
+        "error, most",
+        "at",
+        "speed, of its limit",
+        "acceleration, of its limit",
+        "ticks missed",
+        "goals outside limits",
+    ];
+    let rows = html! {
+        @for servo in &summary.servos {
+            tr {
+                td { (servo.name) }
+                td { (servo.id) }
+                td { (format!("{:.3}°", servo.error_rms)) }
+                td { (format!("{:.2}°", servo.error_max)) }
+                td { (format!("{:.2} s", servo.error_max_at)) }
+                td { (format!("{:.0} %", 100.0 * servo.speed)) }
+                td { (format!("{:.0} %", 100.0 * servo.acceleration)) }
+                td { (servo.missed) }
+                td { (servo.outside_limits) }
+            }
+        }
+    };
+    html! { h2 { "In numbers" } (table(&heads, rows)) }
 }

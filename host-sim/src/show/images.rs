@@ -2,10 +2,10 @@
 
 use super::file::Program;
 use crate::image::Image;
-use crate::puppet;
 use anyhow::Result;
 use firmware::machine::{After, Command};
 use firmware::script::Order;
+use puppet_file::to_bytes;
 use std::fmt::Write as _;
 
 /// The board: QEMU's mps2-an386, as that of `qemu-mps2`.
@@ -18,7 +18,7 @@ const TARGET: &str = "thumbv7em-none-eabi";
 /// A sentence that says what is missing: the source, cargo, the target, or what cargo could not build.
 pub fn build(program: &Program, slack_us: u32) -> Result<Vec<u8>> {
     let names: Vec<String> = (0..program.clips.len()).map(|index| format!("clip{index}")).collect();
-    let map = puppet::to_bytes(&program.map)?;
+    let map = to_bytes(&program.map);
     let source = show_source(program);
     let mut files = vec![
         ("BUNRAKU_MAP".to_owned(), "map.postcard", map.as_slice()),

@@ -9,7 +9,6 @@ use common::{Frames, open};
 use core::ptr::addr_of_mut;
 use cortex_m as _;
 use cortex_m_rt::entry;
-use decoder_core::predict::Correlation;
 use decoder_core::qmd::Clip;
 use decoder_core::{I16F16, Limits, mclip};
 use semihosting::io::Read;
@@ -26,7 +25,7 @@ static mut CLIP: [u8; BYTES] = [0; BYTES];
 static mut POSE: [I16F16; CHANNELS] = [I16F16::ZERO; CHANNELS];
 static mut WORDS: [i32; TABLE] = [0; TABLE];
 static mut STATES: [mclip::State; CHANNELS] = [mclip::State::EMPTY; CHANNELS];
-static mut CORRELATIONS: [Correlation; CHANNELS] = [Correlation::EMPTY; CHANNELS];
+static mut WIDE: [u32; 4 * CHANNELS] = [0; 4 * CHANNELS];
 static mut CODES: [u16; TABLE] = [0; TABLE];
 
 #[entry]
@@ -49,8 +48,8 @@ fn main() -> ! {
             mclip::Memory {
                 pose,
                 states: &mut *addr_of_mut!(STATES),
-                correlations: &mut *addr_of_mut!(CORRELATIONS),
-                words: &mut *addr_of_mut!(CODES),
+                words: &mut *addr_of_mut!(WIDE),
+                halves: &mut *addr_of_mut!(CODES),
             }
         };
         semihosting::println!("{}", hash_blocks(&buffer[..length], memory));

@@ -6,7 +6,6 @@
 
 use core::panic::PanicInfo;
 use core::ptr::addr_of_mut;
-use decoder_core::predict::Correlation;
 use decoder_core::qmd::Clip;
 use decoder_core::{I16F16, Limits, mclip};
 use sha2::{Digest, Sha256};
@@ -23,7 +22,7 @@ static mut HASH: [u8; 32] = [0; 32];
 static mut POSE: [I16F16; CHANNELS] = [I16F16::ZERO; CHANNELS];
 static mut WORDS: [i32; TABLE] = [0; TABLE];
 static mut STATES: [mclip::State; CHANNELS] = [mclip::State::EMPTY; CHANNELS];
-static mut CORRELATIONS: [Correlation; CHANNELS] = [Correlation::EMPTY; CHANNELS];
+static mut WIDE: [u32; 4 * CHANNELS] = [0; 4 * CHANNELS];
 static mut CODES: [u16; TABLE] = [0; TABLE];
 
 #[panic_handler]
@@ -71,8 +70,8 @@ pub extern "C" fn decode_mclip(length: u32) -> u32 {
         let memory = mclip::Memory {
             pose: &mut *addr_of_mut!(POSE),
             states: &mut *addr_of_mut!(STATES),
-            correlations: &mut *addr_of_mut!(CORRELATIONS),
-            words: &mut *addr_of_mut!(CODES),
+            words: &mut *addr_of_mut!(WIDE),
+            halves: &mut *addr_of_mut!(CODES),
         };
         (&*addr_of_mut!(CLIP), &mut *addr_of_mut!(HASH), memory)
     };

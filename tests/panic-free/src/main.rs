@@ -9,17 +9,16 @@
 use core::hint::black_box;
 use core::panic::PanicInfo;
 use core::ptr::{addr_of, addr_of_mut};
-use decoder_core::predict::Correlation;
 use decoder_core::qmd::{Clip, Stream};
-use decoder_core::{I16F16, Limits, float, mclip};
+use decoder_core::{I16F16, Limits, mclip, word};
 
 static mut BYTES: [u8; 4096] = [0; 4096];
 static mut POSE: [I16F16; 64] = [I16F16::ZERO; 64];
 static mut TABLE: [i32; 256] = [0; 256];
 static mut BUFFER: [u8; 256] = [0; 256];
 static mut BLOCK: [u8; 256] = [0; 256];
-static mut WORDS: [u16; 1024] = [0; 1024];
-static mut CORRELATIONS: [Correlation; 64] = [Correlation::EMPTY; 64];
+static mut HALVES: [u16; 1024] = [0; 1024];
+static mut WORDS: [u32; 256] = [0; 256];
 static mut STATES: [mclip::State; 64] = [mclip::State::EMPTY; 64];
 static mut NUMBERS: [u32; 8] = [0; 8];
 
@@ -45,7 +44,7 @@ fn lend<T, const N: usize>(array: *mut [T; N], length: u32) -> &'static mut [T] 
 extern "C" fn entry() -> ! {
     loop {
         let limits = Limits { channels: number(0) as u16, frames: number(1) };
-        black_box(float::fixed_from_f32_bits(number(2)));
+        black_box(word::fixed_from_f32_bits(number(2)));
         let _ = black_box(in_memory(limits));
         let _ = black_box(streamed(limits));
         let _ = black_box(mclip_in_memory(limits));
@@ -88,14 +87,19 @@ fn mclip_memory() -> mclip::Memory<'static> {
     mclip::Memory {
         pose: lend(addr_of_mut!(POSE), number(5)),
         states: lend(addr_of_mut!(STATES), number(4)),
-        correlations: lend(addr_of_mut!(CORRELATIONS), number(6)),
-        words: lend(addr_of_mut!(WORDS), number(7)),
+        words: lend(addr_of_mut!(WORDS), number(6)),
+        halves: lend(addr_of_mut!(HALVES), number(7)),
     }
 }
 
 fn mclip_in_memory(limits: Limits) -> Result<u32, decoder_core::Error> {
     let clip = mclip::Clip::parse(lend(addr_of_mut!(BYTES), number(3)), limits)?;
-    black_box((clip.header().rate_centihertz(), clip.blocks(), clip.entries(), clip.header().needs()));
+    black_box((
+        clip.header().rate_centihertz(),
+        clip.block_count(),
+        clip.entry_count(),
+        clip.header().needs(),
+    ));
     clip.header().channels().for_each(|channel| {
         black_box(channel);
     });

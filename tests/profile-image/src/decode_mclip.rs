@@ -1,30 +1,27 @@
-//! Decodes the linked-in .mclip from the first frame to the last, and nothing else: `decode.rs` for clips in blocks.
+//! Decodes a .mclip from the first frame to the last, and nothing else: `decode.rs` for clips in blocks.
 #![no_std]
 #![no_main]
 
 mod ends;
+mod lend;
+mod loaded;
+mod mclip_memory;
 
 use core::hint::black_box;
 use cortex_m_rt::entry;
-use decoder_core::mclip::{Clip, Decoder, Memory, State};
-use decoder_core::predict::Correlation;
+use decoder_core::mclip::{Clip, Decoder, Memory};
 use decoder_core::{Error, I16F16, Limits};
 use ends::{failed, finished};
+use loaded::Number;
+use mclip_memory::{CLIP, memory};
 
-include!(concat!(env!("OUT_DIR"), "/mclip_sizes.rs"));
-include!(concat!(env!("OUT_DIR"), "/verify.rs"));
-
-static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip.mclip"));
+/// Whether blocks are checked as they are entered, and not all before.
+#[unsafe(no_mangle)]
+static VERIFY_BLOCKS: Number = Number::NONE;
 
 #[entry]
 fn main() -> ! {
-    static mut POSE: [I16F16; CHANNELS] = [I16F16::ZERO; CHANNELS];
-    static mut STATES: [State; CHANNELS] = [State::EMPTY; CHANNELS];
-    static mut CORRELATION: [Correlation; CORRELATIONS] = [Correlation::EMPTY; CORRELATIONS];
-    static mut CODES: [u16; WORDS] = [0; WORDS];
-    let memory = Memory { pose: POSE, states: STATES, correlations: CORRELATION, words: CODES };
-    // A decoder for just this clip would be faster than one for any: hide which clip it is.
-    let mut opened = open(black_box(CLIP), memory);
+    let mut opened = open(CLIP.bytes(), memory());
     let Ok(decoder) = &mut opened else { failed() };
     while let Some(pose) = decode_frame(decoder) {
         black_box(pose);
@@ -37,10 +34,10 @@ fn main() -> ! {
 #[unsafe(no_mangle)]
 fn open(bytes: &'static [u8], memory: Memory<'static>) -> Result<Decoder<'static, 'static>, Error> {
     let clip = Clip::parse(bytes, Limits::MAX)?;
-    if VERIFY_BLOCKS { clip } else { clip.verify()? }.decoder(memory)
+    if VERIFY_BLOCKS.get() != 0 { clip } else { clip.verify()? }.decoder(memory)
 }
 
-/// What is measured: one frame, and with `VERIFY_BLOCKS` the checksum of a block where it begins one.
+/// What is measured: one frame, and with [`VERIFY_BLOCKS`] the checksum of a block where it begins one.
 #[inline(never)]
 #[unsafe(no_mangle)]
 fn decode_frame<'d>(decoder: &'d mut Decoder<'_, '_>) -> Option<&'d [I16F16]> {

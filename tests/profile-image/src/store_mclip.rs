@@ -1,20 +1,16 @@
-//! The linked-in .mclip and memory for its decoder.
+//! The decoder of a .mclip that was loaded.
 
-use core::hint::black_box;
-use decoder_core::mclip::{self, Workspace};
-use decoder_core::{Error, Limits};
+#[path = "mclip_memory.rs"]
+mod mclip_memory;
 
-include!(concat!(env!("OUT_DIR"), "/mclip_sizes.rs"));
-
-static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip.mclip"));
+use decoder_core::{Error, Limits, mclip};
+use mclip_memory::{CLIP, memory};
 
 pub type Decoder = mclip::Decoder<'static, 'static>;
 
-pub type Memory = Workspace<CHANNELS, CORRELATIONS, WORDS>;
-
 /// The decoder, and the clip's rate in hundredths of a frame per second.
-pub fn decoder(memory: &'static mut Memory) -> Result<(Decoder, u16), Error> {
-    let clip = mclip::Clip::parse(black_box(CLIP), Limits::MAX)?.verify()?;
-    let decoder = clip.decoder(memory.lend())?;
+pub fn decoder() -> Result<(Decoder, u16), Error> {
+    let clip = mclip::Clip::parse(CLIP.bytes(), Limits::MAX)?.verify()?;
+    let decoder = clip.decoder(memory())?;
     Ok((decoder, clip.header().rate_centihertz()))
 }

@@ -1,26 +1,28 @@
-//! The linked-in .qmd and memory for its decoder.
+//! The decoder of a .qmd that was loaded.
 
-use core::hint::black_box;
-use decoder_core::{Error, I16F16, Limits, qmd};
+use crate::lend::SpareRam;
+use crate::loaded::{File, Number};
+use decoder_core::{Error, Limits, qmd};
 
-include!(concat!(env!("OUT_DIR"), "/sizes.rs"));
+/// The clip.
+#[unsafe(no_mangle)]
+static CLIP: File = File::NONE;
 
-static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip.qmd"));
+/// Its channels.
+#[unsafe(no_mangle)]
+static CHANNELS: Number = Number::NONE;
+
+/// Words to lend for its table.
+#[unsafe(no_mangle)]
+static TABLE: Number = Number::NONE;
 
 pub type Decoder = qmd::Decoder<'static, 'static>;
 
-pub struct Memory {
-    pose: [I16F16; CHANNELS],
-    table: [i32; TABLE],
-}
-
-impl Memory {
-    pub const EMPTY: Self = Self { pose: [I16F16::ZERO; CHANNELS], table: [0; TABLE] };
-}
-
 /// The decoder, and the clip's rate in hundredths of a frame per second.
-pub fn decoder(memory: &'static mut Memory) -> Result<(Decoder, u16), Error> {
-    let clip = qmd::Clip::parse(black_box(CLIP), Limits::MAX)?;
-    let table = if TABLE == 0 { None } else { Some(&mut memory.table[..]) };
-    Ok((clip.decoder(&mut memory.pose, table)?, clip.rate_centihertz()))
+pub fn decoder() -> Result<(Decoder, u16), Error> {
+    let clip = qmd::Clip::parse(CLIP.bytes(), Limits::MAX)?;
+    let mut ram = SpareRam::new();
+    let pose = ram.lend(CHANNELS.elements());
+    let table = if cfg!(feature = "no-table") { None } else { Some(ram.lend(TABLE.elements())) };
+    Ok((clip.decoder(pose, table)?, clip.rate_centihertz()))
 }

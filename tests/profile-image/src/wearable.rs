@@ -5,8 +5,10 @@
 #![no_main]
 
 mod ends;
-#[cfg_attr(mclip, path = "store_mclip.rs")]
-#[cfg_attr(not(mclip), path = "store_qmd.rs")]
+mod lend;
+mod loaded;
+#[cfg_attr(feature = "mclip", path = "store_mclip.rs")]
+#[cfg_attr(not(feature = "mclip"), path = "store_qmd.rs")]
 mod store;
 
 use core::hint::black_box;
@@ -16,11 +18,19 @@ use cortex_m_rt::{entry, exception};
 use ends::failed;
 use firmware::map::{JointMap, MAX_SERVOS};
 use firmware::wearable::Wearable;
-use store::Memory;
+use loaded::{File, Number};
 
-include!(concat!(env!("OUT_DIR"), "/wearable.rs"));
+/// The joint map.
+#[unsafe(no_mangle)]
+static MAP: File = File::NONE;
 
-static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
+/// Ticks a second.
+#[unsafe(no_mangle)]
+static OUTPUT_HZ: Number = Number::NONE;
+
+/// The core's clock.
+#[unsafe(no_mangle)]
+static CLOCK_HZ: Number = Number::NONE;
 
 /// Where peripherals take the levels from.
 static LEVELS: [AtomicI32; MAX_SERVOS] = [const { AtomicI32::new(0) }; MAX_SERVOS];
@@ -30,17 +40,16 @@ static DUE: AtomicBool = AtomicBool::new(false);
 
 #[entry]
 fn main() -> ! {
-    static mut MEMORY: Memory = Memory::EMPTY;
-    let (Some(core), Ok(map)) =
-        (cortex_m::Peripherals::take(), JointMap::<MAX_SERVOS>::parse(black_box(MAP)))
+    let (Some(core), Ok(map)) = (cortex_m::Peripherals::take(), JointMap::<MAX_SERVOS>::parse(MAP.bytes()))
     else {
         failed()
     };
-    let Ok((decoder, _)) = store::decoder(MEMORY) else { failed() };
-    let Ok(mut wearable) = Wearable::new(decoder, &map, OUTPUT_HZ) else { failed() };
+    let Ok((decoder, _)) = store::decoder() else { failed() };
+    let output_hz = OUTPUT_HZ.get() as u16;
+    let Ok(mut wearable) = Wearable::new(decoder, &map, output_hz) else { failed() };
     let mut syst = core.SYST;
     syst.set_clock_source(SystClkSource::Core);
-    syst.set_reload(CLOCK_HZ / u32::from(OUTPUT_HZ) - 1);
+    syst.set_reload(CLOCK_HZ.get() / u32::from(output_hz) - 1);
     syst.clear_current();
     syst.enable_counter();
     syst.enable_interrupt();

@@ -4,22 +4,23 @@ use crate::servos1::{self, Kind, Protocol1};
 use crate::servos2::{XSeries, packet};
 use crate::session::{BAUD, Port2, line, port, wire};
 use crate::wire::Wire;
-use servo_wire::blocking::{Polled, PolledDelay, block_on};
+use embassy_futures::block_on;
+use servo_wire::blocking::{Polled, PolledDelay};
 use servo_wire::bus::{BusError, ERROR_ALERT, ERROR_OVERLOAD, ERROR_WATCHDOG, Goal, Reading, ServoBus};
 use servo_wire::dynamixel::client::{BulkItem, FactoryReset};
-use servo_wire::dynamixel::{BROADCAST_ID, Client, DynamixelBus, MAX_ID};
-use servo_wire::port::{Automatic, Line, Port};
+use servo_wire::dynamixel::{BROADCAST_ID, DynamixelBus, DynamixelClient, MAX_ID};
+use servo_wire::port::{Automatic, LineConfig, Port};
 use servo_wire::protocol1;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 
-type Client2 = Client<Wire<XSeries>, Wire<XSeries>, Wire<XSeries>>;
+type Client2 = DynamixelClient<Wire<XSeries>, Wire<XSeries>, Wire<XSeries>>;
 
 const IDS: [u8; 5] = [7, 1, 252, 0, 20];
 
 fn rig() -> (Wire<XSeries>, Client2) {
     let wire = wire(XSeries::new(&IDS), None, line(false));
-    let client = Client::new(port(&wire, line(false)));
+    let client = DynamixelClient::new(port(&wire, line(false)));
     (wire, client)
 }
 
@@ -167,7 +168,7 @@ fn indirect_addresses_are_written_only_where_they_differ() {
 #[test]
 fn what_does_not_fit_the_buffer_is_said_before_anything_is_sent() {
     let wire = wire(XSeries::new(&IDS), None, line(false));
-    let mut client = Client::<_, _, _, 32>::new(port(&wire, line(false)));
+    let mut client = DynamixelClient::<_, _, _, 32>::new(port(&wire, line(false)));
     let each = |_: usize, _: servo_wire::dynamixel::client::Answer<'_>| {};
     assert_eq!(wire.run(client.read(1, 0, &mut [0; 100])).0, Err(BusError::TooMany));
     assert_eq!(wire.run(client.write(1, 0, &[0; 100])).0, Err(BusError::TooMany));
@@ -181,10 +182,10 @@ fn what_does_not_fit_the_buffer_is_said_before_anything_is_sent() {
 #[test]
 fn factory_return_delays_fit_in_the_line_that_states_them() {
     for (delay, expected) in [(0, Err(BusError::NoReply)), (500, Ok(false))] {
-        let slow = Line { return_delay_us: delay, slack_us: 200, ..line(false) };
+        let slow = LineConfig { return_delay_us: delay, slack_us: 200, ..line(false) };
         let wire = wire(XSeries::new(&IDS), None, slow);
         wire.servos(|bus| bus.servos.iter_mut().for_each(|servo| servo.set_return_delay(250)));
-        let mut client = Client::<_, _, _, 640>::new(port(&wire, slow));
+        let mut client = DynamixelClient::<_, _, _, 640>::new(port(&wire, slow));
         assert_eq!(wire.run(client.read(7, 132, &mut [0; 4])).0, expected);
         if expected.is_ok() {
             assert_eq!(wire.run(client.sync_read(132, 4, &IDS, |_, _| {})).0, Ok(5));
@@ -195,7 +196,7 @@ fn factory_return_delays_fit_in_the_line_that_states_them() {
 #[test]
 fn a_reading_tells_all_of_a_servo() {
     let wire = wire(XSeries::new(&IDS), None, line(false));
-    let mut bus = DynamixelBus::<_, _, _, 640>::new(Client::new(port(&wire, line(false))));
+    let mut bus = DynamixelBus::<_, _, _, 640>::new(DynamixelClient::new(port(&wire, line(false))));
     for index in 0..IDS.len() {
         wire.run(bus.ping(&IDS, index)).0.unwrap();
     }
@@ -240,7 +241,7 @@ fn a_reading_tells_all_of_a_servo() {
 #[test]
 fn a_servo_that_restarts_unasked_is_set_up_again_in_the_next_tick() {
     let wire = wire(XSeries::new(&IDS), None, line(false));
-    let mut bus = DynamixelBus::<_, _, _, 640>::new(Client::new(port(&wire, line(false))));
+    let mut bus = DynamixelBus::<_, _, _, 640>::new(DynamixelClient::new(port(&wire, line(false))));
     for index in 0..IDS.len() {
         wire.run(bus.ping(&IDS, index)).0.unwrap();
         wire.run(bus.set_torque(&IDS, index, true)).0.unwrap();
@@ -298,7 +299,8 @@ fn a_cancelled_call_leaves_the_bus_usable() {
 fn protocol_1_instructions() {
     for kind in [Kind::Ax, Kind::Sts, Kind::Scs] {
         let wire = wire(Protocol1::new(kind, &[(3, 300), (253, 400)]), None, line(false));
-        let mut client = protocol1::Client::<_, _, _, 192>::new(port(&wire, line(false)) as Port2<Protocol1>);
+        let mut client =
+            protocol1::Protocol1Client::<_, _, _, 192>::new(port(&wire, line(false)) as Port2<Protocol1>);
         let (torque, goal) = if kind == Kind::Ax { (24, 30) } else { (40, 42) };
         assert_eq!(wire.run(client.ping(3)).0, Ok(0));
         assert_eq!(wire.run(client.ping(4)).0, Err(BusError::NoReply));
@@ -323,9 +325,10 @@ fn protocol_1_instructions() {
 #[test]
 fn an_echo_that_nobody_told_of_is_no_answer() {
     // The line echoes, the port does not expect it, and there is no servo.
-    let echoing = Line { echo: true, ..Line::uart(BAUD) };
+    let echoing = LineConfig { echo: true, ..LineConfig::uart(BAUD) };
     let wire = wire(Protocol1::new(Kind::Ax, &[]), None, echoing);
-    let mut client = protocol1::Client::<_, _, _, 192>::new(port(&wire, line(false)) as Port2<Protocol1>);
+    let mut client =
+        protocol1::Protocol1Client::<_, _, _, 192>::new(port(&wire, line(false)) as Port2<Protocol1>);
     for len in 1..20 {
         let result = wire.run(client.read(1, 36, &mut vec![0; len])).0;
         assert_eq!(result, Err(BusError::Corrupt), "a read of {len} bytes");
@@ -386,8 +389,8 @@ impl embedded_hal::delay::DelayNs for Slept<'_> {
 fn blocking_code_is_served_by_the_same_client() {
     let (servos, slept) = (RefCell::new(XSeries::new(&IDS)), RefCell::new(0));
     let uart = Polled(Loop { servos: &servos, queue: VecDeque::new() });
-    let port = Port::new(uart, Automatic, PolledDelay::new(Slept(&slept)), Line::uart(BAUD));
-    let mut bus = DynamixelBus::<_, _, _, 640>::new(Client::new(port));
+    let port = Port::new(uart, Automatic, PolledDelay::new(Slept(&slept)), LineConfig::uart(BAUD));
+    let mut bus = DynamixelBus::<_, _, _, 640>::new(DynamixelClient::new(port));
     for index in 0..IDS.len() {
         block_on(bus.ping(&IDS, index)).unwrap();
     }

@@ -89,7 +89,7 @@ fn feetech_scs_with_an_echo_survives_every_fault_at_every_packet() {
 #[test]
 fn slow_lines_work_too() {
     for baud in [9600, 57_600, 115_200, 4_000_000] {
-        let slow = servo_wire::port::Line { baud, ..line(false) };
+        let slow = servo_wire::port::LineConfig { baud, ..line(false) };
         assert_eq!(BAUD, line(false).baud);
         dynamixel(&IDS[..3], slow, None).play().map(drop).unwrap_or_else(|error| panic!("{baud}: {error}"));
     }

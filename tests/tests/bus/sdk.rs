@@ -8,7 +8,7 @@ use crate::wire::{Servos, Wire};
 use bunraku_tests::{python, workspace};
 use serde_json::{Value, json};
 use servo_wire::dynamixel::client::{Answer, BulkItem, FactoryReset};
-use servo_wire::dynamixel::{BROADCAST_ID, Client};
+use servo_wire::dynamixel::{BROADCAST_ID, DynamixelClient};
 use servo_wire::protocol1;
 use std::io::Write;
 use std::process::{Command, Stdio};
@@ -38,7 +38,7 @@ impl<S: Servos> Record<S> {
 fn protocol2() -> Vec<Value> {
     let ids = [7, 1, 252];
     let wire = wire(XSeries::new(&ids), None, line(false));
-    let mut client = Client::<_, _, _, 640>::new(port(&wire, line(false)));
+    let mut client = DynamixelClient::<_, _, _, 640>::new(port(&wire, line(false)));
     let mut record = Record { wire, protocol: 2, exchanges: Vec::new() };
     let quiet = |_: usize, _: Answer<'_>| {};
     let goal = 3000_i32.to_le_bytes();
@@ -84,7 +84,8 @@ fn protocol2() -> Vec<Value> {
 
 fn protocol1() -> Vec<Value> {
     let wire = wire(Protocol1::new(Kind::Ax, &[(3, 300), (252, 400)]), None, line(false));
-    let mut client = protocol1::Client::<_, _, _, 192>::new(port(&wire, line(false)) as Port2<Protocol1>);
+    let mut client =
+        protocol1::Protocol1Client::<_, _, _, 192>::new(port(&wire, line(false)) as Port2<Protocol1>);
     let mut record = Record { wire, protocol: 1, exchanges: Vec::new() };
     record.add("readTxRx", json!([3, 36, 2]), json!(300_u16.to_le_bytes()), client.read(3, 36, &mut [0; 2]));
     record.add("writeTxRx", json!([3, 24, 1, [1]]), json!([]), client.write(3, 24, &[1]));

@@ -6,7 +6,7 @@ use crate::wire::{Fault, Servos, Wire};
 use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
 use servo_wire::dynamixel::{self, DynamixelBus};
 use servo_wire::feetech::{FeetechBus, Series};
-use servo_wire::port::{Line, Port};
+use servo_wire::port::{LineConfig, Port};
 use servo_wire::protocol1::{self, Protocol1Bus};
 
 /// Ticks from the restart on, the last of which must find all well.
@@ -67,11 +67,11 @@ pub type Bus2 = DynamixelBus<Wire<XSeries>, Wire<XSeries>, Wire<XSeries>>;
 pub const BAUD: u32 = 1_000_000;
 pub const IDS: [u8; 5] = [0, 1, 3, 20, 252];
 
-pub fn port<S: Servos>(wire: &Wire<S>, line: Line) -> Port2<S> {
+pub fn port<S: Servos>(wire: &Wire<S>, line: LineConfig) -> Port2<S> {
     Port::new(wire.clone(), wire.clone(), wire.clone(), line)
 }
 
-pub fn wire<S: Servos>(servos: S, fault: Option<(usize, Fault)>, line: Line) -> Wire<S> {
+pub fn wire<S: Servos>(servos: S, fault: Option<(usize, Fault)>, line: LineConfig) -> Wire<S> {
     let wire = Wire::new(servos, line.baud.into());
     let wire = if line.echo { wire.with_echo() } else { wire };
     match fault {
@@ -80,23 +80,23 @@ pub fn wire<S: Servos>(servos: S, fault: Option<(usize, Fault)>, line: Line) -> 
     }
 }
 
-pub fn line(echo: bool) -> Line {
-    Line { echo, ..Line::uart(BAUD) }
+pub fn line(echo: bool) -> LineConfig {
+    LineConfig { echo, ..LineConfig::uart(BAUD) }
 }
 
 /// As [`dynamixel`], by plain Sync Read.
-pub fn dynamixel_plain(ids: &[u8], line: Line, fault: Option<(usize, Fault)>) -> Rig<XSeries, Bus2> {
+pub fn dynamixel_plain(ids: &[u8], line: LineConfig, fault: Option<(usize, Fault)>) -> Rig<XSeries, Bus2> {
     let Rig { wire, bus, ids, limits, span } = dynamixel(ids, line, fault);
     Rig { wire, bus: bus.with_plain_reads(), ids, limits, span }
 }
 
-pub fn dynamixel(ids: &[u8], line: Line, fault: Option<(usize, Fault)>) -> Rig<XSeries, Bus2> {
+pub fn dynamixel(ids: &[u8], line: LineConfig, fault: Option<(usize, Fault)>) -> Rig<XSeries, Bus2> {
     let wire = wire(XSeries::new(ids), fault, line);
     for index in 0..ids.len() {
         wire.servos(|servos| servos.servos[index].set_position(1000 * index as i32 + 500));
     }
     Rig {
-        bus: DynamixelBus::new(dynamixel::Client::new(port(&wire, line))),
+        bus: DynamixelBus::new(dynamixel::DynamixelClient::new(port(&wire, line))),
         ids: ids.to_vec(),
         limits: Limits {
             single: Bus2::single_limit_us(&line, 1).into(),
@@ -108,17 +108,17 @@ pub fn dynamixel(ids: &[u8], line: Line, fault: Option<(usize, Fault)>) -> Rig<X
     }
 }
 
-fn servos1(kind: Kind, span: i32, line: Line, fault: Option<(usize, Fault)>) -> Wire<Protocol1> {
+fn servos1(kind: Kind, span: i32, line: LineConfig, fault: Option<(usize, Fault)>) -> Wire<Protocol1> {
     let servos: Vec<(u8, u16)> =
         IDS.iter().enumerate().map(|(index, &id)| (id, (span * index as i32 + span / 2) as u16)).collect();
     wire(Protocol1::new(kind, &servos), fault, line)
 }
 
-pub fn ax(line: Line, fault: Option<(usize, Fault)>) -> Rig<Protocol1, impl ServoBus> {
+pub fn ax(line: LineConfig, fault: Option<(usize, Fault)>) -> Rig<Protocol1, impl ServoBus> {
     let wire = servos1(Kind::Ax, 200, line, fault);
     type Bus = Protocol1Bus<Wire<Protocol1>, Wire<Protocol1>, Wire<Protocol1>>;
     Rig {
-        bus: Protocol1Bus::new(protocol1::Client::<_, _, _, 192>::new(port(&wire, line))),
+        bus: Protocol1Bus::new(protocol1::Protocol1Client::<_, _, _, 192>::new(port(&wire, line))),
         ids: IDS.to_vec(),
         limits: Limits {
             single: line.exchange_limit_us(8, 26, 1).into(),
@@ -130,7 +130,11 @@ pub fn ax(line: Line, fault: Option<(usize, Fault)>) -> Rig<Protocol1, impl Serv
     }
 }
 
-pub fn feetech(series: Series, line: Line, fault: Option<(usize, Fault)>) -> Rig<Protocol1, impl ServoBus> {
+pub fn feetech(
+    series: Series,
+    line: LineConfig,
+    fault: Option<(usize, Fault)>,
+) -> Rig<Protocol1, impl ServoBus> {
     let (kind, span) = match series {
         Series::Sts => (Kind::Sts, 700),
         Series::Scs => (Kind::Scs, 200),
@@ -138,7 +142,7 @@ pub fn feetech(series: Series, line: Line, fault: Option<(usize, Fault)>) -> Rig
     let wire = servos1(kind, span, line, fault);
     type Bus = FeetechBus<Wire<Protocol1>, Wire<Protocol1>, Wire<Protocol1>>;
     Rig {
-        bus: FeetechBus::new(protocol1::Client::<_, _, _, 192>::new(port(&wire, line)), series),
+        bus: FeetechBus::new(protocol1::Protocol1Client::<_, _, _, 192>::new(port(&wire, line)), series),
         ids: IDS.to_vec(),
         limits: Limits {
             single: line.exchange_limit_us(8, 32, 1).into(),

@@ -6,7 +6,7 @@ use crate::session::{BAUD, Bus2, line, port, wire};
 use servo_wire::bus::{Goal, ServoBus};
 use servo_wire::dynamixel::{self, DynamixelBus};
 use servo_wire::feetech::{self, FeetechBus, Series};
-use servo_wire::port::Line;
+use servo_wire::port::LineConfig;
 use servo_wire::protocol1::{self, Protocol1Bus};
 
 const SERVOS: usize = 20;
@@ -35,10 +35,10 @@ fn tick<S: crate::wire::Servos>(
     ((down + up) as usize, wire.now_us() - start)
 }
 
-fn dynamixel(line: Line, delay: u8) -> (crate::wire::Wire<XSeries>, Bus2) {
+fn dynamixel(line: LineConfig, delay: u8) -> (crate::wire::Wire<XSeries>, Bus2) {
     let wire = wire(XSeries::new(&ids()), None, line);
     wire.servos(|bus| bus.servos.iter_mut().for_each(|servo| servo.set_return_delay(delay)));
-    let bus = DynamixelBus::new(dynamixel::Client::new(port(&wire, line)));
+    let bus = DynamixelBus::new(dynamixel::DynamixelClient::new(port(&wire, line)));
     (wire, bus)
 }
 
@@ -53,7 +53,7 @@ fn twenty_servos_keep_100_hz_at_1_mbaud() {
     println!("Dynamixel 2.0, Fast Sync Read: {bytes} bytes, {micros} us of 10000");
 
     // The factory's return delay of 500 µs comes once in a fast read.
-    let factory = Line { return_delay_us: 500, ..line(false) };
+    let factory = LineConfig { return_delay_us: 500, ..line(false) };
     let (wire, mut bus) = dynamixel(factory, 250);
     let (bytes, micros) = tick(&wire, &mut bus, 2048);
     assert_eq!((bytes, micros), (476, 5260));
@@ -101,7 +101,8 @@ fn other_servos_take_longer() {
     let servos: Vec<(u8, u16)> = ids().iter().map(|&id| (id, 500)).collect();
     let rig = |kind| wire(Protocol1::new(kind, &servos), None, line(false));
     let wire = rig(Kind::Ax);
-    let mut bus = Protocol1Bus::new(protocol1::Client::<_, _, _, 192>::new(port(&wire, line(false))));
+    let mut bus =
+        Protocol1Bus::new(protocol1::Protocol1Client::<_, _, _, 192>::new(port(&wire, line(false))));
     let (bytes, micros) = tick(&wire, &mut bus, 512);
     assert_eq!(bytes, (8 + 20 * 3) + 20 * (8 + 26));
     assert_eq!((bytes, micros), (protocol1::bus::tick_bytes(SERVOS), 10 * bytes as u64));
@@ -111,8 +112,10 @@ fn other_servos_take_longer() {
         (Series::Scs, Kind::Scs, (8 + 20 * 3) + 20 * (8 + 32)),
     ] {
         let wire = rig(kind);
-        let mut bus =
-            FeetechBus::new(protocol1::Client::<_, _, _, 192>::new(port(&wire, line(false))), series);
+        let mut bus = FeetechBus::new(
+            protocol1::Protocol1Client::<_, _, _, 192>::new(port(&wire, line(false))),
+            series,
+        );
         let (bytes, micros) = tick(&wire, &mut bus, 512);
         assert_eq!(bytes, expected);
         assert_eq!((bytes, micros), (feetech::tick_bytes(series, SERVOS), 10 * bytes as u64));

@@ -5,7 +5,7 @@ use bunraku_fuzz::Random;
 use bunraku_fuzz::mutate::mutate;
 use decoder_core::mclip::{CodecId, Needs};
 use decoder_core::{I16F16, Limits};
-use encoder::mclip::{Encoder, Quality};
+use encoder::mclip::{Encoder, Encoding, Quality};
 use firmware::clips::{Clips, LIVE, Mailbox, Worker, Workspace, decode};
 use firmware::clock::Speed;
 use firmware::device::{Device, Identity};
@@ -13,6 +13,7 @@ use firmware::fault::Feedback;
 use firmware::link::frame::{Deframer, OVERHEAD, crc32, wire_len, write};
 use firmware::link::message::{ANSWER_BYTES, Answer, REQUEST_BYTES, Request, Response, VERSION};
 use firmware::link::session::Session;
+use firmware::link::wire::decode_all;
 use firmware::machine::{Command, Machine, Show, Start};
 use firmware::map::MAX_SERVOS;
 use firmware::store::{Layout, Store};
@@ -49,7 +50,7 @@ pub fn shelf() -> DecoderList {
         Worker::new(task.as_mut(), mailbox, forever([I16F16::ZERO; CHANNELS]))
     };
     let layout = Layout { directory: [0, SECTOR as u32], clips: 2 * SECTOR as u32..64 * SECTOR as u32 };
-    let capacity = Needs { channels: CHANNELS, correlations: CHANNELS, words: WORDS };
+    let capacity = Needs { channels: CHANNELS, words: 4 * CHANNELS, halves: WORDS };
     let store = Store::mount(Flash::new(64), layout, capacity).unwrap();
     Clips::new(&[], Some(store), live, [worker(), worker()])
 }
@@ -227,7 +228,7 @@ fn anything_on_the_link_is_borne() {
     let sample = sample::clip();
     let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
     let clips = [(CodecId::Dpcm, 4), (CodecId::Adpcm, 3), (CodecId::Pcm, 4)]
-        .map(|(codec, bits)| encoder.encode(&encoder::mclip::Settings::new(codec), Quality::Bits(bits)))
+        .map(|(codec, bits)| encoder.encode(&Encoding::new(codec), Quality::Bits(bits)).unwrap())
         .to_vec();
     let map = crate::virtual_device::map("sample.toml", &sample.skeleton);
     let mut host = Host::new(&clips);
@@ -287,7 +288,7 @@ fn anything_on_the_link_is_borne() {
         session.sent(outgoing.len());
         let mut outgoing = outgoing.as_slice();
         while let Some(frame) = reply.feed(&mut outgoing) {
-            let answer: Answer = postcard::from_bytes(frame.unwrap().message).unwrap();
+            let answer: Answer = decode_all(frame.unwrap().message).unwrap();
             host.hear(&answer);
             answers += 1;
         }

@@ -3,36 +3,36 @@
 use crate::virtual_device::{Cutter, map, with_device};
 use bunraku_tests::motion;
 use decoder_core::mclip::CodecId;
-use encoder::mclip::{Encoder, Quality, Settings};
+use encoder::mclip::{Encoder, Encoding, Quality};
 use firmware::clips::LIVE;
 use firmware::clock::Speed;
 use firmware::fault::Fault;
 use firmware::link::message::{Refusal, Request, Telemetry};
 use firmware::machine::{Command, State};
 use host_sim::device::Config;
-use host_sim::link::streaming::{self, Parts, stream};
+use host_sim::link::streaming::{self, StreamedClip, stream};
 use host_sim::link::upload::{Upload, list, upload, upload_again};
 use host_sim::link::{Client, LinkError};
-use host_sim::puppet::Map;
 use mocap::{Clip, sample};
+use puppet_file::Map;
 use std::time::{Duration, Instant};
 
 const BAUD: u32 = 115_200;
 
 fn encode(clip: &Clip) -> Vec<u8> {
     let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
-    encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Bits(7))
+    encoder.encode(&Encoding::new(CodecId::Dpcm), Quality::Bits(7)).unwrap()
 }
 
 /// Waits until the device says something, at most 20 s.
 fn until(client: &mut Client, what: &str, done: impl Fn(&Telemetry) -> bool) -> Telemetry {
-    client.done(&Request::Telemetry { millis: 20 }).unwrap();
+    client.request_done(&Request::Telemetry { millis: 20 }).unwrap();
     let start = Instant::now();
     let mut last = None;
     while start.elapsed() < Duration::from_secs(20) {
         let Some(telemetry) = client.telemetry(Duration::from_secs(3)).unwrap() else { continue };
         if done(&telemetry) {
-            client.done(&Request::Telemetry { millis: 0 }).unwrap();
+            client.request_done(&Request::Telemetry { millis: 0 }).unwrap();
             return telemetry;
         }
         last = Some(telemetry);
@@ -94,15 +94,15 @@ fn a_session(map: &Map, clips: [&Clip; 3], conceals: bool) {
         client.command(Command::Home).unwrap();
         until(&mut client, "at home", |told| told.state == State::Resting);
         assert_eq!(
-            refusal(client.done(&Request::Remove { clip: 9 })).to_string(),
+            refusal(client.request_done(&Request::Remove { clip: 9 })).to_string(),
             "there is no clip 9 in the store"
         );
-        client.done(&Request::Remove { clip: 3 }).unwrap();
+        client.request_done(&Request::Remove { clip: 3 }).unwrap();
         assert_eq!(list(&mut client).unwrap().len(), 1);
 
         // A stream whose line breaks: what is missing is made up, until the link counts as lost.
         let cutter = Cutter::start(port, usize::MAX);
-        let parts = Parts::new(&third).unwrap();
+        let parts = StreamedClip::new(&third).unwrap();
         let settings = streaming::Settings { hold_millis, patience: Duration::ZERO, plays: true };
         let mut cut = false;
         let failed = stream(cutter.port(), BAUD, &parts, settings, &mut |told| {
@@ -178,11 +178,11 @@ fn a_stream_goes_on_over_lines_that_break_for_a_moment() {
     let map = map("sample.toml", &clip.skeleton);
     // Larger than the device's buffer.
     let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
-    let bytes = encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Bits(12));
+    let bytes = encoder.encode(&Encoding::new(CodecId::Dpcm), Quality::Bits(12)).unwrap();
     assert!(bytes.len() > 12_000, "{} bytes", bytes.len());
     with_device(&map, &Config::default(), |port| {
         let cutter = Cutter::start(port, usize::MAX);
-        let parts = Parts::new(&bytes).unwrap();
+        let parts = StreamedClip::new(&bytes).unwrap();
         let settings =
             streaming::Settings { hold_millis: 3000, patience: Duration::from_secs(5), plays: true };
         let mut cuts = 0;
@@ -211,7 +211,7 @@ fn a_stream_that_is_refused_leaves_nothing_behind() {
         Clip { skeleton: clip.skeleton.with_channels(&kept), motion: clip.motion.with_channels(&kept) };
     let bytes = encode(&other);
     with_device(&map, &Config::default(), |port| {
-        let parts = Parts::new(&bytes).unwrap();
+        let parts = StreamedClip::new(&bytes).unwrap();
         let hold_millis = 300;
         let settings = streaming::Settings { hold_millis, patience: Duration::ZERO, plays: true };
         let error = stream(port, BAUD, &parts, settings, &mut |_| {}).unwrap_err();
@@ -233,7 +233,7 @@ fn several_hosts_at_once() {
             host.command(Command::Home).unwrap();
         }
         // One that has to be there, and is gone.
-        hosts[0].done(&Request::Hold { millis: 100 }).unwrap();
+        hosts[0].request_done(&Request::Hold { millis: 100 }).unwrap();
         drop(hosts.remove(0));
         let told = until(&mut hosts[0], "without a link", |told| told.fault.is_some());
         assert_eq!(told.fault, Some(Fault::LinkLost));
@@ -243,16 +243,16 @@ fn several_hosts_at_once() {
 #[cfg(unix)]
 #[test]
 fn a_pseudo_terminal_is_a_serial_port() {
-    use host_sim::device::{Listener, run};
-    use host_sim::servos::serve::Pty;
+    use host_sim::device::{Listener, run_device};
     use std::sync::atomic::{AtomicBool, Ordering};
+    use virtual_servos::serve::Pty;
     let clip = sample::clip();
     let map = map("sample.toml", &clip.skeleton);
     let listener = Listener::Pty(Box::new(Pty::open().unwrap()));
     let (port, ended) = (listener.name().unwrap(), AtomicBool::new(false));
     std::thread::scope(|scope| {
         let device =
-            scope.spawn(|| run(&map, &Config::default(), listener, &|| ended.load(Ordering::Relaxed)));
+            scope.spawn(|| run_device(&map, &Config::default(), listener, &|| ended.load(Ordering::Relaxed)));
         let bytes = encode(&clip);
         let uploaded = (0..2).try_for_each(|clip| {
             let mut client = Client::open(&port, BAUD)?;

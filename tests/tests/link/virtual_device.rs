@@ -1,8 +1,8 @@
 //! A device on a thread, and lines to it that break when they are told to.
 
-use host_sim::device::{Config, Listener, run};
-use host_sim::puppet::{Map, Puppet};
+use host_sim::device::{Config, Listener, run_device};
 use mocap::skeleton::Skeleton;
+use puppet_file::{Map, Puppet};
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::Path;
@@ -23,7 +23,7 @@ pub fn with_device(map: &Map, config: &Config, test: impl FnOnce(&str)) {
     let listener = Listener::tcp("127.0.0.1:0").unwrap();
     let (port, ended) = (listener.name().unwrap(), AtomicBool::new(false));
     std::thread::scope(|scope| {
-        let device = scope.spawn(|| run(map, config, listener, &|| ended.load(Ordering::Relaxed)));
+        let device = scope.spawn(|| run_device(map, config, listener, &|| ended.load(Ordering::Relaxed)));
         let ends = Ends(&ended);
         test(&port);
         drop(ends);

@@ -2,6 +2,7 @@
 
 use bunraku_tests::bunraku;
 use firmware::link::frame::{wire_len, write};
+use firmware::link::wire::Raw;
 use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::process::Output;
@@ -42,7 +43,7 @@ fn fails(port: &str, arguments: &[&str], expected: &str) {
 fn what_is_no_device_is_told_in_a_sentence() {
     let mut buffer = [0; wire_len(40)];
     // A response to a hello (0, 0) of version 9 of which only the beginning is known.
-    let other = write(1, &(0u8, 0u8, 9u8, 77u8, [1u8; 9]), &mut buffer).unwrap().to_vec();
+    let other = write(1, &Raw(&[0, 0, 9, 77, 1, 1, 1, 1, 1, 1, 1, 1, 1]), &mut buffer).unwrap().to_vec();
     let port = answering(other);
     fails(&port, &["push", &port, "status"], "speaks version 9 of the link, this program version 1");
     let port = answering(b"HTTP/1.1 400 Bad Request\r\n\r\n\0".to_vec());

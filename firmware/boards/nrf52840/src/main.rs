@@ -19,7 +19,7 @@ use embassy_nrf::uarte::{self, Baudrate};
 use embassy_nrf::wdt::{self, Watchdog};
 use firmware::device::Identity;
 use firmware::machine::Start;
-use servo_wire::port::Line;
+use servo_wire::port::LineConfig;
 
 bind_interrupts!(struct Interrupts {
     UARTE0 => InterruptHandler<UARTE0>;
@@ -85,7 +85,7 @@ async fn main(_spawner: Spawner) {
     let Ok((_watchdog, [mut handle])) = Watchdog::try_new(chip.WDT, config) else {
         defmt::panic!("another watchdog runs");
     };
-    let line = Line::uart(puppet.baud());
+    let line = LineConfig::uart(puppet.baud());
     let wiring = Wiring {
         uart,
         direction: Output::new(chip.P1_03, Level::Low, OutputDrive::Standard),

@@ -9,7 +9,7 @@ mod uart;
 use board_support::{Button, Puppet, Wiring};
 use embassy_executor::Spawner;
 use firmware::machine::Start;
-use servo_wire::port::{Automatic, Line};
+use servo_wire::port::{Automatic, LineConfig};
 
 /// How late servos may answer. Those of QEMU live in another process on a machine that has other things to do; nothing
 /// here waits that long unless one is missing.
@@ -29,7 +29,7 @@ async fn main(_spawner: Spawner) {
     let wiring = Wiring {
         uart,
         direction: Automatic,
-        line: Line { slack_us: SLACK_US, ..Line::uart(puppet.baud()) },
+        line: LineConfig { slack_us: SLACK_US, ..LineConfig::uart(puppet.baud()) },
         trigger: Button::None,
         feed: || {},
         start: Start::Power,

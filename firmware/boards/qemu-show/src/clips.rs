@@ -9,7 +9,7 @@ include!(concat!(env!("OUT_DIR"), "/clips.rs"));
 
 /// What a decoder is lent: enough for the clip that needs most.
 pub struct Memory {
-    space: Workspace<CHANNELS, CORRELATIONS, WORDS>,
+    space: Workspace<CHANNELS, WORDS, HALVES>,
     table: [i32; TABLE],
 }
 

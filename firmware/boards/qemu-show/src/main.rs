@@ -29,8 +29,8 @@ use firmware::script::{Order, Script};
 use firmware::sender::{STREAM, Sender, StreamMemory};
 use firmware::stream::{Counters, Live, Made};
 use servo_wire::dynamixel::bus::DynamixelBus;
-use servo_wire::dynamixel::client::Client;
-use servo_wire::port::{Automatic, Line, Port};
+use servo_wire::dynamixel::client::DynamixelClient;
+use servo_wire::port::{Automatic, LineConfig, Port};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 
@@ -69,8 +69,8 @@ async fn main(_spawner: Spawner) {
         Ok(uart) => uart,
         Err(error) => defmt::panic!("bus: {}", error),
     };
-    let line = Line { slack_us: SLACK_US, ..Line::uart(baud) };
-    let mut bus = DynamixelBus::<_, _, _>::new(Client::new(Port::new(uart, Automatic, Delay, line)));
+    let line = LineConfig { slack_us: SLACK_US, ..LineConfig::uart(baud) };
+    let mut bus = DynamixelBus::<_, _, _>::new(DynamixelClient::new(Port::new(uart, Automatic, Delay, line)));
     let mut surroundings = ShowSurroundings {
         map: &map,
         start: Instant::now(),

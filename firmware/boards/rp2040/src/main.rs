@@ -21,8 +21,8 @@ use embedded_io_async::{ErrorType, Read, Write};
 use firmware::device::Identity;
 use firmware::machine::Start;
 use firmware::map::BusKind;
-use servo_wire::port::Line;
-use servo_wire::pwm::{COUNTS_HZ, Timing};
+use servo_wire::port::LineConfig;
+use servo_wire::pwm::{COUNTS_HZ, PwmTiming};
 
 bind_interrupts!(struct Interrupts {
     UART0_IRQ => BufferedInterruptHandler<UART0>;
@@ -66,7 +66,7 @@ async fn main(_spawner: Spawner) {
         config.frequency = I2C_HZ;
         I2c::new_async(chip.I2C0, chip.PIN_9, chip.PIN_8, Interrupts, config)
     });
-    let pwm = puppet.rate_of(BusKind::Pwm).and_then(Timing::of).and_then(|timing| {
+    let pwm = puppet.rate_of(BusKind::Pwm).and_then(PwmTiming::of).and_then(|timing| {
         let config = counting(timing);
         let slices = [
             Pwm::new_output_ab(chip.PWM_SLICE5, chip.PIN_10, chip.PIN_11, config.clone()),
@@ -81,7 +81,7 @@ async fn main(_spawner: Spawner) {
     let wiring = Wiring {
         uart: IdleLine::new(Uart(uart), baud),
         direction: Output::new(chip.PIN_2, Level::Low),
-        line: Line::uart(baud),
+        line: LineConfig::uart(baud),
         trigger: Input::new(chip.PIN_3, Pull::Up),
         feed: || watchdog.feed(WATCHDOG),
         start,
@@ -91,7 +91,7 @@ async fn main(_spawner: Spawner) {
 }
 
 /// How a slice counts, with no pulse yet.
-fn counting(timing: Timing) -> pwm::Config {
+fn counting(timing: PwmTiming) -> pwm::Config {
     let mut config = pwm::Config::default();
     // 50 or 60, which fit.
     config.divider = ((clk_sys_freq() / COUNTS_HZ) as u8).into();

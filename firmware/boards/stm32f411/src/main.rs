@@ -14,7 +14,7 @@ use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUart, Config};
 use embassy_stm32::wdg::IndependentWatchdog;
 use firmware::device::Identity;
 use firmware::machine::Start;
-use servo_wire::port::Line;
+use servo_wire::port::LineConfig;
 
 bind_interrupts!(struct Interrupts {
     USART1 => BufferedInterruptHandler<USART1>;
@@ -72,7 +72,7 @@ async fn main(_spawner: Spawner) {
     let wiring = Wiring {
         uart,
         direction: Output::new(chip.PA8, Level::Low, Speed::Low),
-        line: Line::uart(baud),
+        line: LineConfig::uart(baud),
         trigger: Input::new(chip.PA0, Pull::Up),
         feed: || watchdog.pet(),
         start,

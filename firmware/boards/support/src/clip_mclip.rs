@@ -8,7 +8,7 @@ include!(concat!(env!("OUT_DIR"), "/sizes.rs"));
 pub static CLIP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/clip"));
 
 /// What the decoder is lent.
-pub type Memory = Workspace<CHANNELS, CORRELATIONS, WORDS>;
+pub type Memory = Workspace<CHANNELS, WORDS, HALVES>;
 
 /// A clip before its first frame.
 pub struct Opened<'s> {

@@ -4,18 +4,18 @@ use core::convert::Infallible;
 use embassy_time::Delay;
 use embedded_hal::pwm;
 use embedded_hal_async::i2c::{self, I2c};
-use firmware::bus::{Mixed, Part, Parts, mixed};
+use firmware::bus::{BoardBuses, PuppetBus};
 use firmware::map::{BusKind, JointMap, MAX_SERVOS};
 use servo_wire::bus::ServoBus;
-use servo_wire::pca9685::{CHANNELS, OSCILLATOR_HZ, Pca9685Bus};
-use servo_wire::pwm::{Calibration, Channel, PwmBus, SetDutyCycle, Timing};
+use servo_wire::pca9685::{CHANNELS, DEFAULT_ADDRESS, OSCILLATOR_HZ, Pca9685Bus};
+use servo_wire::pwm::{Calibration, Channel, PwmBus, PwmTiming};
 
 /// What a board has for hobby servos; `None` where its puppet has none.
 pub struct Hobby<I, P, const N: usize> {
     /// The I2C bus with a PCA9685 at its address 0x40.
     pub i2c: Option<I>,
     /// Channels that run with this timing.
-    pub pwm: Option<([P; N], Timing)>,
+    pub pwm: Option<([P; N], PwmTiming)>,
 }
 
 /// An I2C bus or a PWM channel that a board has not.
@@ -51,23 +51,21 @@ impl Hobby<Nothing, Nothing, 0> {
 }
 
 /// The servo bus of a puppet with hobby servos.
-pub type MixedBus<S, I, P, const N: usize> = Mixed<S, Pca9685Bus<I, Delay>, PwmBus<P, N>>;
+pub type MixedBus<S, I, P, const N: usize> = PuppetBus<S, Pca9685Bus<I, Delay>, PwmBus<P, N>>;
 
 impl<I: I2c, P: SetDutyCycle, const N: usize> Hobby<I, P, N> {
     /// The buses of the map, those of Dynamixel servos on `serial`. Panics where one is not there.
-    pub(crate) fn with<S: ServoBus>(self, map: &JointMap<MAX_SERVOS>, serial: S) -> MixedBus<S, I, P, N>
-    where
-        Part<S, Pca9685Bus<I, Delay>, PwmBus<P, N>>: ServoBus,
-    {
+    pub(crate) fn with<S: ServoBus>(self, map: &JointMap<MAX_SERVOS>, serial: S) -> MixedBus<S, I, P, N> {
         let Self { i2c, pwm } = self;
         let calibrations = [Calibration::WIDE; CHANNELS];
         // The address and the oscillator are those that the chip comes with.
-        let pca9685 = i2c
-            .and_then(|i2c| Pca9685Bus::at(i2c, Default::default(), Delay, OSCILLATOR_HZ, calibrations).ok());
+        let pca9685 =
+            i2c.and_then(|i2c| Pca9685Bus::at(i2c, DEFAULT_ADDRESS, Delay, OSCILLATOR_HZ, calibrations).ok());
         let pwm = pwm.map(|(pins, timing)| {
             PwmBus::new(pins.map(|pin| Channel::new(pin, Calibration::WIDE)), timing.period_us)
         });
-        match mixed(map, Parts { serial: Some((BusKind::Dynamixel, serial)), pca9685, pwm }) {
+        let board = BoardBuses { serial: Some((BusKind::Dynamixel, serial)), pca9685, pwm };
+        match board.of_map(map) {
             Ok(bus) => bus,
             Err(error) => defmt::panic!("map: {}", error),
         }

@@ -8,6 +8,7 @@ use decoder_core::{I16F16, Limits};
 use embassy_futures::poll_once;
 use embassy_time::{Delay, Duration, Instant};
 use embedded_hal::digital::{InputPin, OutputPin};
+use embedded_hal::pwm::SetDutyCycle;
 use embedded_hal_async::i2c::I2c;
 use embedded_io_async::{Read, Write};
 use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
@@ -21,9 +22,8 @@ use firmware::map::MAX_SERVOS;
 use firmware::store::{Layout, MappedFlash, Store};
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use servo_wire::dynamixel::bus::DynamixelBus;
-use servo_wire::dynamixel::client::Client;
+use servo_wire::dynamixel::client::DynamixelClient;
 use servo_wire::port::Port;
-use servo_wire::pwm::SetDutyCycle;
 
 /// Most channels of a clip.
 const CHANNELS: usize = 128;
@@ -45,7 +45,7 @@ const STREAM: Settings = Settings {
 /// Bytes of the line that are kept between ticks.
 const INPUT: usize = 2048;
 
-type Decoder = Workspace<CHANNELS, CHANNELS, WORDS>;
+type Decoder = Workspace<CHANNELS, { 4 * CHANNELS }, WORDS>;
 
 /// What a board brings for its host.
 pub struct Host<H, F> {
@@ -97,7 +97,8 @@ impl Puppet {
         let linked = [clip::CLIP];
         let clips = Clips::new(&linked, store, &live, workers);
         let mut machine = Machine::new(map, clips, SHOW, start);
-        let serial = DynamixelBus::<_, _, _>::new(Client::new(Port::new(uart, direction, Delay, line)));
+        let serial =
+            DynamixelBus::<_, _, _>::new(DynamixelClient::new(Port::new(uart, direction, Delay, line)));
         let mut bus = hobby.with(map, serial);
         defmt::info!("{} bytes of motion on {} servos", clip::CLIP.len(), map.joints().len());
         let mut served = Served {

@@ -12,8 +12,8 @@ use firmware::library::Library;
 use firmware::machine::{After, Command, Machine, Show, Start, State};
 use firmware::map::{BusKind, JointMap, MAX_SERVOS};
 use servo_wire::dynamixel::bus::DynamixelBus;
-use servo_wire::dynamixel::client::Client;
-use servo_wire::port::{Line, Port};
+use servo_wire::dynamixel::client::DynamixelClient;
+use servo_wire::port::{LineConfig, Port};
 
 static MAP: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/map.postcard"));
 
@@ -34,7 +34,7 @@ pub struct Wiring<U, D, T, W> {
     /// High to send, or [`Automatic`](servo_wire::port::Automatic).
     pub direction: D,
     /// What is to be known of the bus.
-    pub line: Line,
+    pub line: LineConfig,
     /// When it is pulled low, a puppet at rest plays the clip again, and one with a fault takes that as acknowledged;
     /// [`Button::None`] where there is none.
     pub trigger: T,
@@ -110,7 +110,8 @@ impl Puppet {
         let rate = CENTIHERTZ.map_or(clip.rate_centihertz, NonZeroU16::get);
         let library = SingleClip::new(clip.decoder, Some(rate));
         let mut machine = Machine::new(map, library, SHOW, start);
-        let mut bus = DynamixelBus::<_, _, _>::new(Client::new(Port::new(uart, direction, Delay, line)));
+        let mut bus =
+            DynamixelBus::<_, _, _>::new(DynamixelClient::new(Port::new(uart, direction, Delay, line)));
         defmt::info!("{} frames at {} cHz on {} servos", clip.frames, rate, map.joints().len());
         let mut board = BoardSurroundings::new(map, trigger, feed, simulated);
         control_loop(&mut machine, &mut bus, &mut board).await;

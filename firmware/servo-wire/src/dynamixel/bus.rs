@@ -1,9 +1,9 @@
 //! Servos of the X series as a [`ServoBus`]: a Sync Write and a Fast Sync Read each tick.
 //!
 //! What a tick reads lies apart in the control table; indirect addresses bring it together
-//! ([`Client::set_indirect`]), once for each servo and again after its restart.
+//! ([`DynamixelClient::set_indirect`]), once for each servo and again after its restart.
 
-use super::client::{Answer, Client, joint_answer_len};
+use super::client::{Answer, DynamixelClient, joint_answer_len};
 use super::packet::{OVERHEAD, max_packet_len};
 use super::sync_write::{goal_positions, goal_positions_len};
 use super::table::{
@@ -12,8 +12,8 @@ use super::table::{
 };
 use crate::bus::MAX_SERVOS;
 use crate::bus::{BusError, ERROR_ALERT, ERROR_WATCHDOG, Goal, Reading, ServoBus};
-use crate::port::Line;
-use crate::roll::{Ask, InTurn, PROBE_EXCHANGES, Roll, SET_UP_EXCHANGES};
+use crate::port::LineConfig;
+use crate::read_schedule::{AnswerOrder, PROBE_EXCHANGES, ReadSchedule, SET_UP_EXCHANGES, ServoReader};
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::{Read, Write};
@@ -34,6 +34,7 @@ const BLOCK: [Register; 7] = [
 pub const BLOCK_LEN: usize = 12;
 
 /// Address of each byte of the block.
+#[allow(clippy::indexing_slicing, reason = "the compiler evaluates it")]
 const ADDRESSES: [u16; BLOCK_LEN] = {
     let mut addresses = [0; BLOCK_LEN];
     let (mut at, mut register) = (0, 0);
@@ -56,33 +57,34 @@ const WATCHDOG_UNIT_MS: u16 = 20;
 /// its answer, without stuffing, which adds a byte wherever a goal or a list of ids holds `FF FF FD`.
 #[must_use]
 pub const fn tick_bytes(servos: usize) -> usize {
-    let goals = OVERHEAD + 4 + servos * (1 + GOAL_POSITION.len as usize);
-    let question = OVERHEAD + 4 + servos;
-    goals + question + joint_answer_len(servos, BLOCK_LEN)
+    const GOAL_LEN: usize = GOAL_POSITION.len as usize;
+    let goals = servos.saturating_mul(1 + GOAL_LEN).saturating_add(OVERHEAD + 4);
+    let question = servos.saturating_add(OVERHEAD + 4);
+    goals.saturating_add(question).saturating_add(joint_answer_len(servos, BLOCK_LEN))
 }
 
 /// Servos of the X series (and MX with protocol 2.0) on one port, at most [`MAX_SERVOS`].
 ///
-/// `N`: bytes of the longest packet, see [`Client`].
+/// `N`: bytes of the longest packet, see [`DynamixelClient`].
 #[derive(Debug)]
 pub struct DynamixelBus<U, D, T, const N: usize = 640> {
     reader: Reader<U, D, T, N>,
-    roll: Roll,
+    schedule: ReadSchedule,
 }
 
 /// What reads, apart from who is read.
 #[derive(Debug)]
 struct Reader<U, D, T, const N: usize> {
-    client: Client<U, D, T, N>,
+    client: DynamixelClient<U, D, T, N>,
     fast: bool,
     /// A bit for each servo: its indirect addresses are set.
-    ready: u32,
+    set_up: u32,
 }
 
 impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelBus<U, D, T, N> {
     /// A bus that reads by Fast Sync Read.
-    pub const fn new(client: Client<U, D, T, N>) -> Self {
-        Self { reader: Reader { client, fast: true, ready: 0 }, roll: Roll::new() }
+    pub const fn new(client: DynamixelClient<U, D, T, N>) -> Self {
+        Self { reader: Reader { client, fast: true, set_up: 0 }, schedule: ReadSchedule::new() }
     }
 
     /// Reads by plain Sync Read instead, which servos with a firmware before version 45 need (MX: before 42). An
@@ -94,27 +96,27 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelBus<U, 
     }
 
     /// Gives the client back.
-    pub fn into_client(self) -> Client<U, D, T, N> {
+    pub fn into_client(self) -> DynamixelClient<U, D, T, N> {
         self.reader.client
     }
 
     /// The client, for what the player does not need.
-    pub fn client(&mut self) -> &mut Client<U, D, T, N> {
+    pub fn client(&mut self) -> &mut DynamixelClient<U, D, T, N> {
         &mut self.reader.client
     }
 
     /// Longest time in microseconds that [`write_goals`](ServoBus::write_goals) takes.
     #[must_use]
-    pub const fn write_limit_us(line: &Line, servos: usize) -> u32 {
+    pub const fn write_limit_us(line: &LineConfig, servos: usize) -> u32 {
         line.exchange_limit_us(goal_positions_len(servos), 0, 0)
     }
 
     /// Longest time in microseconds that [`read_all`](ServoBus::read_all) takes: two joint reads and three exchanges with
     /// one servo, in a tick in which a servo falls silent; or one joint read and eight exchanges, when servos come back.
     #[must_use]
-    pub const fn read_limit_us(line: &Line, servos: usize) -> u32 {
-        let answers = servos * max_packet_len(1 + BLOCK_LEN);
-        let joint = line.exchange_limit_us(max_packet_len(4 + servos), answers, servos);
+    pub const fn read_limit_us(line: &LineConfig, servos: usize) -> u32 {
+        let answers = servos.saturating_mul(max_packet_len(1 + BLOCK_LEN));
+        let joint = line.exchange_limit_us(max_packet_len(servos.saturating_add(4)), answers, servos);
         let falling = joint.saturating_add(Self::single_limit_us(line, SET_UP_EXCHANGES));
         let rising = Self::single_limit_us(line, PROBE_EXCHANGES);
         joint.saturating_add(if falling > rising { falling } else { rising })
@@ -123,7 +125,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelBus<U, 
     /// Longest time in microseconds of so many exchanges with one servo; of the other methods `ping` takes 3,
     /// `set_torque` and `reboot` 1, `set_watchdog` 2 for each servo.
     #[must_use]
-    pub const fn single_limit_us(line: &Line, exchanges: u32) -> u32 {
+    pub const fn single_limit_us(line: &LineConfig, exchanges: u32) -> u32 {
         let longest = max_packet_len(2 + 2 * BLOCK_LEN);
         line.exchange_limit_us(longest, longest, 1).saturating_mul(exchanges)
     }
@@ -133,17 +135,17 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Reader<U, D, T, 
     /// Sets up what a tick reads of the servo: two exchanges.
     async fn prepare(&mut self, id: u8, index: usize) -> Result<(), BusError> {
         self.client.set_indirect(id, 0, &ADDRESSES).await?;
-        self.ready |= bit(index);
+        self.set_up |= bit(index);
         Ok(())
     }
 }
 
-impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U, D, T, N> {
-    fn ready(&self, index: usize) -> bool {
-        self.ready & bit(index) != 0
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoReader for Reader<U, D, T, N> {
+    fn is_set_up(&self, index: usize) -> bool {
+        self.set_up & bit(index) != 0
     }
 
-    async fn together(
+    async fn read_together(
         &mut self,
         ids: &[u8],
         places: &[u8],
@@ -152,7 +154,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U
         let asked: Vec<u8, MAX_SERVOS> =
             places.iter().filter_map(|&place| ids.get(usize::from(place)).copied()).collect();
         let mut restarted = 0;
-        let mut turn = InTurn::default();
+        let mut turn = AnswerOrder::default();
         let fast = self.fast;
         let each = |at: usize, answer: Answer<'_>| {
             let Some(&place) = places.get(at) else { return };
@@ -173,20 +175,20 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Reader<U
             true => self.client.fast_sync_read(INDIRECT_DATA, len, &asked, each).await,
             false => self.client.sync_read(INDIRECT_DATA, len, &asked, each).await,
         };
-        self.ready &= !restarted;
+        self.set_up &= !restarted;
         result?;
         let good = places.iter().any(|&place| readings.get(usize::from(place)).is_some_and(Option::is_some));
         if good { Ok(()) } else { Err(BusError::Corrupt) }
     }
 
-    async fn alone(&mut self, id: u8, index: usize) -> Result<Reading, BusError> {
-        if !self.ready(index) {
+    async fn read_alone(&mut self, id: u8, index: usize) -> Result<Reading, BusError> {
+        if !self.is_set_up(index) {
             self.prepare(id, index).await?;
         }
         let mut data = [0; BLOCK_LEN];
         let alert = self.client.read(id, INDIRECT_DATA, &mut data).await?;
         reading(&Answer { alert, data: &data }).ok_or_else(|| {
-            self.ready &= !bit(index);
+            self.set_up &= !bit(index);
             BusError::Corrupt
         })
     }
@@ -233,7 +235,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoBus for Dyn
         let id = *ids.get(index).ok_or(BusError::TooMany)?;
         self.reader.client.ping(id).await?;
         self.reader.prepare(id, index).await?;
-        self.roll.answered(index);
+        self.schedule.note_answer(index);
         Ok(())
     }
 
@@ -247,12 +249,12 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoBus for Dyn
     }
 
     async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
-        self.roll.call(&mut self.reader, ids, readings).await
+        self.schedule.read_all(&mut self.reader, ids, readings).await
     }
 
     async fn reboot(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
         let id = *ids.get(index).ok_or(BusError::TooMany)?;
-        self.reader.ready &= !bit(index);
+        self.reader.set_up &= !bit(index);
         self.reader.client.reboot(id).await.map(drop)
     }
 

@@ -11,6 +11,11 @@ const POLYNOMIAL: u16 = 0x8005;
 /// loaded at once.
 static TABLES: [[u16; 256]; 2] = tables();
 
+#[allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    reason = "the compiler evaluates it, for the 256 values of a byte"
+)]
 const fn tables() -> [[u16; 256]; 2] {
     let mut tables = [[0; 256]; 2];
     let mut byte = 0;
@@ -24,6 +29,7 @@ const fn tables() -> [[u16; 256]; 2] {
 }
 
 /// The remainder after eight more bits of zeros.
+#[allow(clippy::arithmetic_side_effects, reason = "the compiler evaluates it")]
 const fn shifted(mut crc: u16) -> u16 {
     let mut bit = 0;
     while bit < 8 {
@@ -38,6 +44,7 @@ const fn shifted(mut crc: u16) -> u16 {
 /// Continuing is what fast sync read needs: there every servo's checksum covers all bytes sent before it, earlier
 /// checksums included.
 #[must_use]
+#[allow(clippy::indexing_slicing, reason = "a byte is an index below 256")]
 pub fn update(crc: u16, bytes: &[u8]) -> u16 {
     let [far, near] = &TABLES;
     let (pairs, last) = bytes.as_chunks::<2>();

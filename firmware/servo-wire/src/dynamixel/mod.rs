@@ -22,8 +22,8 @@ pub mod sync_write;
 pub mod table;
 
 pub use bus::DynamixelBus;
-pub use client::Client;
+pub use client::DynamixelClient;
 pub use framer::{FrameError, Framer};
 pub use instruction::{BROADCAST_ID, ErrorNumber, Instruction, MAX_ID};
 pub use packet::{Packet, PacketWriter, Status, WriteError};
-pub use sync_write::{Goal, goal_positions};
+pub use sync_write::goal_positions;

@@ -17,13 +17,16 @@ pub const OVERHEAD: usize = 10;
 /// Bytes before the ones that length counts: header, id, length.
 pub(super) const PREFIX: usize = 7;
 
+/// Bytes of the checksum.
+const CHECKSUM: usize = 2;
+
 /// Position of the first parameter.
 const PARAMETERS: usize = 8;
 
 /// Bytes that a packet with this many bytes of parameters takes at most, stuffing included.
 #[must_use]
 pub const fn max_packet_len(parameters: usize) -> usize {
-    OVERHEAD + parameters + parameters / 3
+    (parameters / 3).saturating_add(parameters).saturating_add(OVERHEAD)
 }
 
 /// A received packet whose checksum was right, with stuffing removed.
@@ -154,7 +157,7 @@ impl<'b> PacketWriter<'b> {
         };
         *first = id;
         *rest.first_chunk_mut::<N>().ok_or(WriteError::BufferTooSmall)? = value;
-        self.len += 1 + N;
+        self.len = self.len.wrapping_add(N).wrapping_add(1);
         self.run = 0;
         Ok(())
     }
@@ -162,7 +165,7 @@ impl<'b> PacketWriter<'b> {
     fn put(&mut self, byte: u8) -> Result<(), WriteError> {
         let slot = self.buffer.get_mut(self.len).ok_or(WriteError::BufferTooSmall)?;
         *slot = byte;
-        self.len += 1;
+        self.len = self.len.wrapping_add(1);
         Ok(())
     }
 
@@ -172,12 +175,13 @@ impl<'b> PacketWriter<'b> {
     /// [`WriteError`] when the checksum does not fit or the length does not fit in 16 bits.
     pub fn finish(self) -> Result<&'b [u8], WriteError> {
         let Self { buffer, len, .. } = self;
-        let length = u16::try_from(len + 2 - PREFIX).map_err(|_| WriteError::TooLong)?;
-        let packet = buffer.get_mut(..len + 2).ok_or(WriteError::BufferTooSmall)?;
+        let end = len.saturating_add(CHECKSUM);
+        let length = u16::try_from(end.saturating_sub(PREFIX)).map_err(|_| WriteError::TooLong)?;
+        let packet = buffer.get_mut(..end).ok_or(WriteError::BufferTooSmall)?;
         if let [_, _, _, _, _, low, high, ..] = packet {
             [*low, *high] = length.to_le_bytes();
         }
-        if let Some((body, checksum)) = packet.split_last_chunk_mut::<2>() {
+        if let Some((body, checksum)) = packet.split_last_chunk_mut::<CHECKSUM>() {
             *checksum = crc::update(0, body).to_le_bytes();
         }
         Ok(packet)
@@ -196,7 +200,7 @@ pub(super) fn unstuff(bytes: &mut [u8]) -> usize {
         }
         if let Some(slot) = bytes.get_mut(kept) {
             *slot = byte;
-            kept += 1;
+            kept = usize::wrapping_add(kept, 1);
         }
         stuffed = byte == 0xFD && run >= 2;
         run = if byte == 0xFF { run.saturating_add(1) } else { 0 };

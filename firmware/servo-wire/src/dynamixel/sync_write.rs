@@ -5,12 +5,12 @@
 use super::instruction::{BROADCAST_ID, Instruction};
 use super::packet::{PacketWriter, WriteError, max_packet_len};
 use super::table::GOAL_POSITION;
-pub use crate::bus::Goal;
+use crate::bus::Goal;
 
 /// Bytes that [`goal_positions`] takes at most for this many servos, stuffing included.
 #[must_use]
 pub const fn goal_positions_len(servos: usize) -> usize {
-    max_packet_len(4 + 5 * servos)
+    max_packet_len(servos.saturating_mul(5).saturating_add(4))
 }
 
 /// Writes the packet that gives each servo its goal position and returns it.

@@ -1,11 +1,11 @@
 //! AX and MX (protocol 1.0) servos as a [`ServoBus`]: a Sync Write each tick, and reads one by one.
 
-use super::client::Client;
+use super::client::Protocol1Client;
 use super::packet::OVERHEAD;
 use crate::bus::MAX_SERVOS;
 use crate::bus::{BusError, ERROR_HEAT, ERROR_OVERLOAD, ERROR_VOLTAGE, Goal, Reading, ServoBus};
-use crate::port::Line;
-use crate::roll::{Ask, PROBE_EXCHANGES, Roll};
+use crate::port::LineConfig;
+use crate::read_schedule::{PROBE_EXCHANGES, ReadSchedule, ServoReader};
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::{Read, Write};
@@ -30,40 +30,40 @@ const STATE: u8 = ERROR_VOLTAGE | ERROR_HEAT | ERROR_OVERLOAD;
 /// Bytes on the wire of a tick of this many servos: the Sync Write of their goals, and a read with its answer of each.
 #[must_use]
 pub const fn tick_bytes(servos: usize) -> usize {
-    let goals = OVERHEAD + 2 + servos * 3;
-    goals + servos * (OVERHEAD + 2 + OVERHEAD + BLOCK_LEN)
+    let goals = servos.saturating_mul(3).saturating_add(OVERHEAD + 2);
+    servos.saturating_mul(OVERHEAD + 2 + OVERHEAD + BLOCK_LEN).saturating_add(goals)
 }
 
 /// AX and MX servos with protocol 1.0 on one port, at most [`MAX_SERVOS`].
 ///
-/// They cannot be restarted over the bus and have no watchdog. `N`: see [`Client`].
+/// They cannot be restarted over the bus and have no watchdog. `N`: see [`Protocol1Client`].
 #[derive(Debug)]
 pub struct Protocol1Bus<U, D, T, const N: usize = 192> {
-    client: Client<U, D, T, N>,
-    roll: Roll,
+    client: Protocol1Client<U, D, T, N>,
+    schedule: ReadSchedule,
 }
 
 impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Protocol1Bus<U, D, T, N> {
     /// A bus on a client's port.
-    pub const fn new(client: Client<U, D, T, N>) -> Self {
-        Self { client, roll: Roll::new() }
+    pub const fn new(client: Protocol1Client<U, D, T, N>) -> Self {
+        Self { client, schedule: ReadSchedule::new() }
     }
 
     /// The client, for what the player does not need.
-    pub fn client(&mut self) -> &mut Client<U, D, T, N> {
+    pub fn client(&mut self) -> &mut Protocol1Client<U, D, T, N> {
         &mut self.client
     }
 
     /// Longest time in microseconds that [`read_all`](ServoBus::read_all) takes, when servos fall silent.
     #[must_use]
-    pub const fn read_limit_us(line: &Line, servos: usize) -> u32 {
+    pub const fn read_limit_us(line: &LineConfig, servos: usize) -> u32 {
         let exchange = line.exchange_limit_us(OVERHEAD + 2, OVERHEAD + BLOCK_LEN, 1);
-        exchange.saturating_mul(servos as u32 + PROBE_EXCHANGES)
+        exchange.saturating_mul((servos as u32).saturating_add(PROBE_EXCHANGES))
     }
 }
 
-impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Client<U, D, T, N> {
-    async fn alone(&mut self, id: u8, _index: usize) -> Result<Reading, BusError> {
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoReader for Protocol1Client<U, D, T, N> {
+    async fn read_alone(&mut self, id: u8, _index: usize) -> Result<Reading, BusError> {
         let mut data = [0; BLOCK_LEN];
         let error = self.read(id, BLOCK, &mut data).await?;
         let [torque, _, _, _, _, _, _, _, _, _, _, _, p0, p1, _, _, l0, l1, volts, temperature] = data;
@@ -78,7 +78,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Ask for Client<U
             position: i16::from_le_bytes([p0, p1]).into(),
             temperature: Some(temperature),
             millivolts: Some(u16::from(volts) * 100),
-            load: Some(if load & 0x400 == 0 { size } else { -size }),
+            load: Some(if load & 0x400 == 0 { size } else { size.wrapping_neg() }),
             hardware_error: error & STATE,
             torque: Some(torque != 0),
         })
@@ -99,7 +99,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoBus for Pro
         if own != id {
             return Err(BusError::Corrupt);
         }
-        self.roll.answered(index);
+        self.schedule.note_answer(index);
         Ok(())
     }
 
@@ -119,7 +119,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoBus for Pro
     }
 
     async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
-        self.roll.call(&mut self.client, ids, readings).await
+        self.schedule.read_all(&mut self.client, ids, readings).await
     }
 
     async fn reboot(&mut self, _ids: &[u8], _index: usize) -> Result<(), BusError> {

@@ -1,9 +1,9 @@
 //! A client of protocol 1.0: one instruction out, its answers back.
 //!
-//! Each method is one exchange and returns within [`Line::exchange_limit_us`](crate::port::Line). Servos must answer
+//! Each method is one exchange and returns within [`LineConfig::exchange_limit_us`](crate::port::LineConfig). Servos must answer
 //! everything (Status Return Level 2 of Dynamixel servos, 1 of Feetech ones, as from the factory).
 //!
-//! An answer looks like an instruction. Where the port hears itself and [`Line::echo`](crate::port::Line) is not set,
+//! An answer looks like an instruction. Where the port hears itself and [`LineConfig::echo`](crate::port::LineConfig) is not set,
 //! a ping is answered by its own echo; everything else is not taken for an answer, having another length.
 
 use super::packet::{BROADCAST_ID, Framer, Instruction, OVERHEAD, Packet, write};
@@ -16,13 +16,13 @@ use embedded_io_async::{Read, Write};
 
 /// A client on a port. `N`: bytes of the longest packet either way, kept twice, at most 259; 192 serve 32 servos.
 #[derive(Debug)]
-pub struct Client<U, D, T, const N: usize = 192> {
+pub struct Protocol1Client<U, D, T, const N: usize = 192> {
     port: Port<U, D, T>,
     framer: Framer<N>,
     packet: [u8; N],
 }
 
-impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, N> {
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Protocol1Client<U, D, T, N> {
     /// A client that owns the port.
     pub const fn new(port: Port<U, D, T>) -> Self {
         Self { port, framer: Framer::new(), packet: [0; N] }
@@ -129,7 +129,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         self.send(BROADCAST_ID, Instruction::SyncRead, &[&[address, len], ids]).await?;
         let mut heard = [0_u32; 8];
         let mut good = 0;
-        let bytes = ids.len() * (OVERHEAD + usize::from(len));
+        let bytes = usize::from(len).saturating_add(OVERHEAD).saturating_mul(ids.len());
         let limit = self.port.line().reply_limit_us(bytes, ids.len());
         let result = self.packets(limit, |packet| {
             let bit = 1 << (packet.id % 32);
@@ -137,7 +137,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
                 && packet.parameters.len() == usize::from(len)
                 && let Some(word) = heard.get_mut(usize::from(packet.id / 32))
             {
-                good += usize::from(*word & bit == 0);
+                good = usize::saturating_add(good, (*word & bit == 0).into());
                 *word |= bit;
                 each(place, packet.code, packet.parameters);
             }
@@ -150,7 +150,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
     }
 
     fn room(&self, parameters: usize) -> Result<(), BusError> {
-        if OVERHEAD + parameters > N { Err(BusError::TooMany) } else { Ok(()) }
+        if parameters.saturating_add(OVERHEAD) > N { Err(BusError::TooMany) } else { Ok(()) }
     }
 
     async fn send(&mut self, id: u8, instruction: Instruction, parts: &[&[u8]]) -> Result<(), BusError> {
@@ -175,7 +175,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
             (Instruction::Read, &[&[address, len]]) => Some([address, len]),
             _ => None,
         };
-        let limit = self.port.line().reply_limit_us(OVERHEAD + data.len(), 1);
+        let limit = self.port.line().reply_limit_us(data.len().saturating_add(OVERHEAD), 1);
         let answer = self.packets(limit, |packet| {
             let itself =
                 packet.code == instruction as u8 && echo.is_some_and(|echo| echo == packet.parameters);

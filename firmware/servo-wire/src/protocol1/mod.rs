@@ -11,4 +11,4 @@ pub mod client;
 pub mod packet;
 
 pub use bus::Protocol1Bus;
-pub use client::Client;
+pub use client::Protocol1Client;

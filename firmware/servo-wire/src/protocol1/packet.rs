@@ -5,7 +5,7 @@
 //! longer run of `FF` from a header.
 
 use crate::bus::BusError;
-use crate::pending::{Pending, Span};
+use crate::receive_buffer::{ReceiveBuffer, Span};
 
 /// Id that addresses every servo on the bus.
 pub const BROADCAST_ID: u8 = 254;
@@ -67,10 +67,10 @@ pub fn write<'b>(buffer: &'b mut [u8], id: u8, code: u8, parts: &[&[u8]]) -> Res
     if parameters > MAX_PARAMETERS {
         return Err(BusError::TooMany);
     }
-    let packet = buffer.get_mut(..OVERHEAD + parameters).ok_or(BusError::TooMany)?;
+    let packet = buffer.get_mut(..parameters.saturating_add(OVERHEAD)).ok_or(BusError::TooMany)?;
     let [first, second, body @ .., last] = packet else { return Err(BusError::TooMany) };
     (*first, *second) = (0xFF, 0xFF);
-    let start = [id, (parameters + 2) as u8, code];
+    let start = [id, parameters.saturating_add(2) as u8, code];
     let bytes = start.iter().chain(parts.iter().copied().flatten());
     for (slot, &byte) in body.iter_mut().zip(bytes) {
         *slot = byte;
@@ -85,7 +85,7 @@ pub fn write<'b>(buffer: &'b mut [u8], id: u8, code: u8, parts: &[&[u8]]) -> Res
 /// up and the rest is searched again.
 #[derive(Debug)]
 pub struct Framer<const N: usize> {
-    pending: Pending<N>,
+    received: ReceiveBuffer<N>,
 }
 
 impl<const N: usize> Default for Framer<N> {
@@ -99,12 +99,12 @@ impl<const N: usize> Framer<N> {
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(N >= OVERHEAD, "a framer must hold at least a packet without parameters") };
-        Self { pending: Pending::new() }
+        Self { received: ReceiveBuffer::new() }
     }
 
     /// Forgets what is not yet given out.
     pub fn clear(&mut self) {
-        self.pending.clear();
+        self.received.clear();
     }
 
     /// Takes bytes from the front of `input` and returns the next packet; `None` once all bytes are taken and no
@@ -113,7 +113,7 @@ impl<const N: usize> Framer<N> {
     /// Cost: a pass over each byte, and one more over up to `N` bytes for each header that was none.
     pub fn feed(&mut self, input: &mut &[u8]) -> Option<Packet<'_>> {
         loop {
-            self.pending.take(input);
+            self.received.fill(input);
             if let Some(span) = self.scan(false) {
                 return self.packet(span);
             }
@@ -133,7 +133,7 @@ impl<const N: usize> Framer<N> {
     /// The next packet, which then no longer is pending. `last`: no byte will follow.
     fn scan(&mut self, last: bool) -> Option<Span> {
         loop {
-            let pending = self.pending.bytes();
+            let pending = self.received.unread();
             let len = match pending {
                 [] => return None,
                 // No header, an id of FF, a length below 2 or a packet that the buffer does not hold.
@@ -148,15 +148,15 @@ impl<const N: usize> Framer<N> {
             match (len, whole) {
                 (Some(_), Some(None)) if !last => return None,
                 (Some(len), Some(Some([_, _, body @ .., sum]))) if checksum(body) == *sum => {
-                    return Some(self.pending.give(len));
+                    return Some(self.received.give_out(len));
                 }
-                _ => self.pending.skip(1),
+                _ => self.received.skip(1),
             }
         }
     }
 
     fn packet(&mut self, span: Span) -> Option<Packet<'_>> {
-        match self.pending.given(span) {
+        match self.received.given(span) {
             [_, _, id, _, code, parameters @ .., _] => Some(Packet { id: *id, code: *code, parameters }),
             _ => None,
         }

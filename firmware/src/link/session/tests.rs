@@ -1,7 +1,9 @@
 use super::*;
 use crate::clips::LIVE;
+use crate::link::cobs_writer::CobsWriter;
 use crate::link::frame::FrameError;
 use crate::link::message::{DATA_BYTES, Hello, Playing, ServoInfo, Streaming};
+use crate::link::wire::{Encode, decode_all};
 use crate::machine::Command;
 use crate::map::MAX_SERVOS;
 use crate::play_error::PlayError;
@@ -11,6 +13,16 @@ use proptest::prelude::*;
 use servo_wire::bus::Reading;
 use std::collections::VecDeque;
 use std::vec::Vec as List;
+
+/// A request, and what a later version has behind it.
+struct Longer<'a>(Request<'a>, &'a [u8]);
+
+impl Encode for Longer<'_> {
+    fn encode(&self, out: &mut CobsWriter<'_>) {
+        self.0.encode(out);
+        self.1.iter().for_each(|&byte| out.put(byte));
+    }
+}
 
 fn hello(session: u32) -> Request<'static> {
     Request::Hello { version: VERSION, session }
@@ -63,7 +75,7 @@ fn said(session: &mut Session) -> List<(u16, Answer)> {
     let (mut rest, mut answers) = (bytes.as_slice(), List::new());
     while let Some(frame) = deframer.feed(&mut rest) {
         let frame = frame.unwrap();
-        answers.push((frame.sequence, postcard::from_bytes(frame.message).unwrap()));
+        answers.push((frame.sequence, decode_all(frame.message).unwrap()));
     }
     answers
 }
@@ -107,13 +119,13 @@ fn nothing_is_done_before_a_hello_of_this_version() {
         assert!(!session.is_open());
     }
     let mut buffer = [0; 40];
-    let longer = write(3, &(other, 5u8, 6u8), &mut buffer).unwrap().to_vec();
+    let longer = write(3, &Longer(other, &[5, 6]), &mut buffer).unwrap().to_vec();
     assert_eq!(serve(&mut session, &longer, 0).0, [(3, Answer::Response(me()))]);
     assert_eq!(serve(&mut session, &frame(4, &STOP), 0).0, [(4, refused(Refusal::NoSession))]);
     assert_eq!(serve(&mut session, &frame(5, &hello(9)), 0).0, [(5, Answer::Response(me()))]);
     assert_eq!(serve(&mut session, &frame(6, &STOP), 0), (vec![done(6)], vec![Command::Stop]));
     // Of this version nothing follows.
-    let longer = write(7, &(hello(8), 5u8), &mut buffer).unwrap().to_vec();
+    let longer = write(7, &Longer(hello(8), &[5]), &mut buffer).unwrap().to_vec();
     assert_eq!(serve(&mut session, &longer, 0).0, [(7, refused(Refusal::Unknown))]);
 }
 
@@ -139,7 +151,7 @@ fn what_is_no_request_is_refused() {
     let mut buffer = [0; 40];
     // A variant that there is none of; a slice that is longer than its frame; one byte too many.
     for message in [&[99u8][..], &[7, 0, 200, 1, 7], &[1, 0]] {
-        let mut raw = List::from(postcard::to_slice(&5u16, &mut [0; 3]).unwrap() as &[u8]);
+        let mut raw = vec![5];
         raw.extend(message);
         raw.extend(super::super::frame::crc32([&raw[..]]).to_le_bytes());
         let len = cobs::encode(&raw, &mut buffer);
@@ -222,15 +234,14 @@ fn one_who_does_not_read_is_obeyed_and_not_waited_for() {
         session.sent(7);
         let mut rest = bytes.as_slice();
         while let Some(frame) = deframer.feed(&mut rest) {
-            postcard::from_bytes::<Answer>(frame.unwrap().message).unwrap();
+            decode_all::<Answer>(frame.unwrap().message).unwrap();
         }
     }
 }
 
 #[test]
 fn the_largest_answers_fit() {
-    let error =
-        Error::Checksum { field: Field::Correlations, at: usize::MAX, found: u32::MAX, expected: u32::MAX };
+    let error = Error::Checksum { field: Field::Halves, at: usize::MAX, found: u32::MAX, expected: u32::MAX };
     let fault = Fault::Clip { error };
     let reading = Reading {
         position: i32::MIN,
@@ -271,7 +282,11 @@ fn the_largest_answers_fit() {
     };
     // What docs/LINK.md says of a device's memory.
     assert!(size_of::<Session>() <= 3400, "{} bytes", size_of::<Session>());
-    let len = |answer: Answer| postcard::to_slice(&answer, &mut [0; 4000]).unwrap().len();
+    let len = |answer: Answer| {
+        let mut buffer = [0; 4000];
+        let mut written: &[u8] = write(0, &answer, &mut buffer).unwrap();
+        Deframer::<4000>::new().feed(&mut written).unwrap().unwrap().message.len()
+    };
     assert!(len(Answer::Event(Event::Telemetry(most))) <= ANSWER_BYTES);
     let mut hello = Hello {
         version: 255,

@@ -1,10 +1,11 @@
 //! `bunraku puppet calibrate`.
 
 use anyhow::{Context, Result, anyhow, bail};
-use firmware::map::{BusKind, BusSpec};
+use firmware::map::BusSpec;
 use host_sim::ports::{self, SerialBus};
-use host_sim::puppet::calibrate::Measured;
-use host_sim::puppet::{Channels, Named, Puppet};
+use host_sim::puppet::calibrate::{Measured, write_measured};
+use host_sim::puppet::channels;
+use puppet_file::{NamedServo, Puppet, goal_range};
 use servo_wire::bus::{Reading, ServoBus};
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::PathBuf;
@@ -48,10 +49,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if let Some(unknown) = args.joint.iter().find(|name| !servos.iter().any(|servo| servo.name == **name)) {
         bail!("{}: there is no joint \"{unknown}\"", args.puppet.display());
     }
-    let specs = puppet.bus_specs()?;
+    let specs = puppet.buses()?;
     let mut buses = open(&args.on, &puppet.bus_names(), &specs)?;
-    let wanted = |servo: &&Named| args.joint.is_empty() || args.joint.contains(&servo.name);
-    let chosen: Vec<&Named> =
+    let wanted = |servo: &&NamedServo| args.joint.is_empty() || args.joint.contains(&servo.name);
+    let chosen: Vec<&NamedServo> =
         servos.iter().filter(|servo| buses[servo.bus].is_some()).filter(wanted).collect();
     if chosen.is_empty() {
         bail!("{}: none of these joints has a servo that can be read", args.puppet.display());
@@ -61,7 +62,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     enter(&lines)?;
     for servo in servos.iter() {
         if let Some(bus) = &mut buses[servo.bus] {
-            let off = ports::run(bus.set_torque(&[servo.id], 0, false));
+            let off = ports::block_on(bus.set_torque(&[servo.id], 0, false));
             off.map_err(|error| anyhow!("servo {} (\"{}\"): {error}", servo.id, servo.name))?;
         }
     }
@@ -79,7 +80,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let zero = look(bus, servo)?.position;
         say(&format!("     its zero is {zero}. Now to both of its ends. Enter."));
         let (min, max) = ends(bus, servo, &lines, zero)?;
-        let (lowest, highest) = goals(specs[servo.bus].kind);
+        let (lowest, highest) = goal_range(specs[servo.bus].kind);
         if min < lowest || max > highest {
             say(&format!(
                 "     {min} to {max} is not within {lowest} to {highest}: mount its horn turned, and measure again. Left \
@@ -91,7 +92,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         measured.push(Measured { name: servo.name.clone(), zero, min, max });
     }
     if !measured.is_empty() {
-        puppet.write_measured(&measured)?;
+        write_measured(&puppet, &measured)?;
     }
     if args.json {
         let joints: Vec<_> = measured
@@ -104,7 +105,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     // A home that is no longer within its range, for instance.
     let after = Puppet::read(&args.puppet)?;
-    if let Err(mistakes) = after.check(Channels::of_clips(&after, None)?) {
+    if let Err(mistakes) = after.check(channels::of_clips(&after, None)?) {
         mistakes.iter().for_each(|mistake| eprintln!("bunraku: {mistake:#}"));
         return Ok(ExitCode::from(crate::FAILED));
     }
@@ -123,19 +124,11 @@ fn open(on: &str, names: &[String], specs: &[BusSpec]) -> Result<Vec<Option<Seri
     Ok(buses)
 }
 
-/// Goals that servos of this kind take.
-const fn goals(kind: BusKind) -> (i32, i32) {
-    match kind {
-        BusKind::Dynamixel1 | BusKind::Scs => (0, 1023),
-        _ => (0, 4095),
-    }
-}
-
 /// Where a joint is, which does not hold.
-fn look(bus: &mut SerialBus, servo: &Named) -> Result<Reading> {
+fn look(bus: &mut SerialBus, servo: &NamedServo) -> Result<Reading> {
     let mut tried = 0;
     loop {
-        match ports::run(bus.look(servo.id)) {
+        match ports::block_on(bus.look(servo.id)) {
             Ok(Reading { torque: Some(true), .. }) => {
                 bail!("servo {} (\"{}\") holds: somebody has turned its torque on", servo.id, servo.name)
             }
@@ -147,7 +140,7 @@ fn look(bus: &mut SerialBus, servo: &Named) -> Result<Reading> {
 }
 
 /// The lowest and the highest position until somebody presses Enter.
-fn ends(bus: &mut SerialBus, servo: &Named, lines: &Receiver<String>, zero: i32) -> Result<(i32, i32)> {
+fn ends(bus: &mut SerialBus, servo: &NamedServo, lines: &Receiver<String>, zero: i32) -> Result<(i32, i32)> {
     let (mut min, mut max) = (zero, zero);
     let live = std::io::stderr().is_terminal();
     loop {

@@ -5,10 +5,10 @@ use firmware::limits::FINE_BITS;
 use firmware::map::Joint;
 use host_sim::clip::Clip;
 use host_sim::files;
-use host_sim::ports;
 use host_sim::puppet::budget::{BusTime, bus_times};
+use host_sim::puppet::channels;
 use host_sim::puppet::rehearse::{Demand, rehearse};
-use host_sim::puppet::{Channels, Map, Puppet};
+use puppet_file::{Channels, Map, Puppet, Unit};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -74,8 +74,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
         _ => None,
     };
     let channels = match &clip {
-        Some((path, clip)) => Channels::of_played(path, clip, &puppet, args.skeleton)?,
-        None => Channels::of_clips(&puppet, args.skeleton)?,
+        Some((path, clip)) => channels::of_played(path, clip, &puppet, args.skeleton)?,
+        None => channels::of_clips(&puppet, args.skeleton)?,
     };
     let map = match puppet.check(channels.clone()) {
         Ok(map) => map,
@@ -116,7 +116,7 @@ fn report<'a>(
     let hz = f64::from(map.tick_hz());
     let joint = |(index, joint): (usize, &Joint)| {
         let channel = channels.name(joint.channel.into());
-        let turns = channels.find(channel).is_some_and(|(_, is_rotation)| is_rotation);
+        let unit = channels.find(channel).map_or(Unit::Centimetre, |(_, unit)| unit);
         let scale = joint.scale.to_num::<f64>();
         let value = |goal: i32| f64::from(goal - joint.zero) / scale;
         let (one, other) = (value(joint.min), value(joint.max));
@@ -124,7 +124,7 @@ fn report<'a>(
         JointReport {
             name: puppet.name_of(joint),
             channel,
-            unit: if turns { "°" } else { "cm" },
+            unit: unit.symbol(),
             bus: names.get(usize::from(joint.bus)).cloned().unwrap_or_default(),
             id: joint.id,
             goal_range: [joint.min, joint.max],
@@ -173,7 +173,7 @@ fn print(report: &Report<'_>, clip: &Option<PathBuf>) {
     println!();
     for bus in buses {
         let BusTime { name, baud, servos, goal_bytes, question_bytes, answer_bytes, .. } = bus;
-        let kind = ports::name(bus.kind);
+        let kind = bus.kind.name();
         if bus.micros == 0.0 {
             println!("{name} ({kind}): {servos} servos, {baud} pulses a second");
             continue;

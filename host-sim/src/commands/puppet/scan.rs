@@ -3,7 +3,7 @@
 use anyhow::{Result, anyhow, bail};
 use firmware::map::{BusKind, BusSpec};
 use host_sim::ports::{self, Identity, SerialBus};
-use host_sim::puppet::{Named, Puppet, models};
+use puppet_file::{NamedServo, Puppet, models};
 use serde::Serialize;
 use servo_wire::bus::{
     BusError, ERROR_ALERT, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE, Reading,
@@ -59,10 +59,9 @@ impl FromStr for Ids {
 
 fn kind(text: &str) -> Result<BusKind, String> {
     let kinds = [BusKind::Dynamixel, BusKind::Dynamixel1, BusKind::Sts, BusKind::Scs];
-    let names = kinds.map(ports::name).join(", ");
-    kinds
-        .into_iter()
-        .find(|&kind| ports::name(kind) == text)
+    let names = kinds.map(BusKind::name).join(", ");
+    BusKind::from_name(text)
+        .filter(|kind| kinds.contains(kind))
         .ok_or_else(|| format!("expected one of {names}"))
 }
 
@@ -71,7 +70,7 @@ struct Wanted {
     spec: BusSpec,
     path: String,
     bauds: Vec<u32>,
-    servos: Vec<Named>,
+    servos: Vec<NamedServo>,
 }
 
 #[derive(Serialize)]
@@ -124,7 +123,7 @@ fn wanted(args: &Args) -> Result<Vec<Wanted>> {
         return Ok(vec![Wanted { spec, path: args.on.clone(), bauds, servos: Vec::new() }]);
     };
     let puppet = Puppet::read(path)?;
-    let (specs, servos) = (puppet.bus_specs()?, puppet.servos()?);
+    let (specs, servos) = (puppet.buses()?, puppet.servos()?);
     let readable: Vec<usize> = (0..specs.len()).filter(|&index| specs[index].kind.reads()).collect();
     if readable.is_empty() {
         bail!("{} has no bus whose servos can be read", path.display());
@@ -146,7 +145,7 @@ fn who(bus: &mut SerialBus, wanted: &Wanted, ids: Option<&Ids>) -> Result<Vec<(u
     let asked: Vec<u8> = match ids {
         Some(Ids(ids)) => ids.clone().collect(),
         None if wanted.spec.kind == BusKind::Dynamixel => {
-            found = ports::run(bus.identify_all()).map_err(failed)?;
+            found = ports::block_on(bus.identify_all()).map_err(failed)?;
             // Where two answer at once, neither is heard.
             wanted.servos.iter().map(|servo| servo.id).collect()
         }
@@ -156,7 +155,7 @@ fn who(bus: &mut SerialBus, wanted: &Wanted, ids: Option<&Ids>) -> Result<Vec<(u
         if found.iter().any(|(there, _)| *there == id) {
             continue;
         }
-        match ports::run(bus.identify(id)) {
+        match ports::block_on(bus.identify(id)) {
             Ok(identity) => found.push((id, identity)),
             Err(BusError::Port) => return Err(failed(BusError::Port)),
             Err(_) => {}
@@ -168,11 +167,11 @@ fn who(bus: &mut SerialBus, wanted: &Wanted, ids: Option<&Ids>) -> Result<Vec<(u
 
 fn look(bus: &mut SerialBus, wanted: &Wanted, baud: u32, id: u8, identity: Identity) -> Found {
     // One that said who it is also says where it is, though an answer may be lost.
-    let reading = (0..3).find_map(|_| ports::run(bus.look(id)).ok());
+    let reading = (0..3).find_map(|_| ports::block_on(bus.look(id)).ok());
     let joint = wanted.servos.iter().find(|servo| servo.id == id).map(|servo| servo.name.clone());
     Found {
         port: wanted.path.clone(),
-        kind: ports::name(wanted.spec.kind),
+        kind: wanted.spec.kind.name(),
         baud,
         id,
         joint,

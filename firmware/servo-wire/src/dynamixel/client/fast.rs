@@ -5,7 +5,7 @@
 //! that the next one needs of what is before, so each part can be checked from the one before it: bytes that were
 //! hit cost their own servo's answer, and a hit checksum the next one's too.
 
-use super::{Answer, BulkItem, Client};
+use super::{Answer, BulkItem, DynamixelClient};
 use crate::bus::BusError;
 use crate::dynamixel::crc;
 use crate::dynamixel::instruction::{ALERT, BROADCAST_ID, Instruction};
@@ -24,10 +24,10 @@ const PART: usize = 4;
 /// Bytes of the joint answer of `servos` servos with `len` bytes each.
 #[must_use]
 pub const fn joint_answer_len(servos: usize, len: usize) -> usize {
-    START + servos * (PART + len)
+    PART.saturating_add(len).saturating_mul(servos).saturating_add(START)
 }
 
-impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, N> {
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelClient<U, D, T, N> {
     /// Fast Sync Read: as [`sync_read`](Self::sync_read), in less time. Where a servo keeps silent, those behind it
     /// in the list cannot answer either.
     ///
@@ -40,7 +40,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         ids: &[u8],
         each: impl FnMut(usize, Answer<'_>),
     ) -> Result<usize, BusError> {
-        Self::joint_room(ids.len(), usize::from(len), ids.len() * usize::from(len))?;
+        Self::joint_room(ids.len(), usize::from(len), ids.len().saturating_mul(len.into()))?;
         self.send_sync_read(Instruction::FastSyncRead, address, len, ids).await?;
         self.collect_joint(ids.iter().map(|&id| (id, usize::from(len))), each).await
     }
@@ -62,7 +62,8 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
 
     /// Whether the longest part has room, and the whole answer a length that 16 bits can say.
     fn joint_room(servos: usize, longest: usize, sum: usize) -> Result<(), BusError> {
-        let good = PART + longest <= N && 1 + servos * PART + sum <= usize::from(u16::MAX);
+        let length = servos.saturating_mul(PART).saturating_add(sum).saturating_add(1);
+        let good = PART.saturating_add(longest) <= N && length <= usize::from(u16::MAX);
         if good { Ok(()) } else { Err(BusError::TooMany) }
     }
 
@@ -71,9 +72,9 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         asked: impl Iterator<Item = (u8, usize)> + Clone,
         mut each: impl FnMut(usize, Answer<'_>),
     ) -> Result<usize, BusError> {
-        let parts = asked.clone().map(|(_, len)| PART + len);
-        let (servos, bytes) = (parts.clone().count(), START + parts.sum::<usize>());
-        let length = (bytes - START + 1) as u16;
+        let parts = asked.clone().map(|(_, len)| PART.saturating_add(len));
+        let (servos, bytes) = (parts.clone().count(), parts.sum::<usize>());
+        let length = bytes.saturating_add(1) as u16;
         let [h0, h1, h2, h3] = HEADER;
         let [low, high] = length.to_le_bytes();
         let start = [h0, h1, h2, h3, BROADCAST_ID, low, high, Instruction::Status as u8];
@@ -82,7 +83,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         let mut part = asked.next();
         let (mut window, mut len, mut good) = ([0; START], None, 0);
         let mut before = crc::update(0, &start);
-        let limit = port.line().reply_limit_us(bytes, servos);
+        let limit = port.line().reply_limit_us(bytes.saturating_add(START), servos);
         let result = port.receive(limit, |chunk| {
             for &byte in chunk {
                 let Some((place, (id, data))) = part else { break };
@@ -97,8 +98,8 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
                 if let Some(slot) = packet.get_mut(*filled) {
                     *slot = byte;
                 }
-                *filled += 1;
-                if *filled < PART + data {
+                *filled = filled.wrapping_add(1);
+                if *filled < PART.saturating_add(data) {
                     continue;
                 }
                 let bytes = packet.get(..*filled).unwrap_or_default();
@@ -113,7 +114,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
                     && *from == id
                     && error & !ALERT == 0
                 {
-                    good += 1;
+                    good = usize::saturating_add(good, 1);
                     each(place, Answer { alert: error & ALERT != 0, data });
                 }
             }

@@ -1,6 +1,6 @@
 //! Instructions to many servos at once: Sync and Bulk.
 
-use super::{Answer, Client, Seen, answer_of};
+use super::{Answer, DynamixelClient, Seen, answer_of};
 use crate::bus::BusError;
 use crate::dynamixel::instruction::{BROADCAST_ID, Instruction};
 use crate::dynamixel::packet::{PacketWriter, max_packet_len};
@@ -21,7 +21,7 @@ pub struct BulkItem {
     pub len: u16,
 }
 
-impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, N> {
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelClient<U, D, T, N> {
     /// Sync Write: each servo (id, little-endian value) gets `LEN` bytes from `address` on. Nothing answers.
     ///
     /// # Errors
@@ -110,7 +110,8 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
     ) -> Result<usize, BusError> {
         let (mut servos, mut bytes) = (0, 0);
         for (_, len) in asked.clone() {
-            (servos, bytes) = (servos + 1, bytes + max_packet_len(1 + len));
+            servos = usize::saturating_add(servos, 1);
+            bytes = usize::saturating_add(bytes, max_packet_len(len.saturating_add(1)));
         }
         let limit = self.port.line().reply_limit_us(bytes, servos);
         let (mut heard, mut good) = (Seen::default(), 0);
@@ -120,7 +121,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
             match answer_of(status, len) {
                 Ok(None) => return ControlFlow::Continue(()),
                 Ok(Some(answer)) => {
-                    good += usize::from(heard.insert(id));
+                    good = usize::saturating_add(good, heard.insert(id).into());
                     each(place, answer);
                 }
                 Err(_) => {

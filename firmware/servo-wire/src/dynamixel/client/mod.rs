@@ -1,6 +1,6 @@
 //! A client of protocol 2.0: one instruction out, its answers back.
 //!
-//! Each method is one exchange and returns within [`Line::exchange_limit_us`](crate::port::Line). Noise before and
+//! Each method is one exchange and returns within [`LineConfig::exchange_limit_us`](crate::port::LineConfig). Noise before and
 //! between answers is skipped, answers of other servos and of other lengths are not taken for the one awaited, and
 //! the port's own bytes never are: an instruction is no status packet.
 //!
@@ -60,7 +60,7 @@ pub enum FactoryReset {
 
 /// A client on a port. `N`: bytes of the longest packet either way, kept twice; 640 serve 32 servos.
 #[derive(Debug)]
-pub struct Client<U, D, T, const N: usize = 640> {
+pub struct DynamixelClient<U, D, T, const N: usize = 640> {
     port: Port<U, D, T>,
     framer: Framer<N>,
     packet: [u8; N],
@@ -72,7 +72,7 @@ impl From<WriteError> for BusError {
     }
 }
 
-impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, N> {
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelClient<U, D, T, N> {
     /// A client that owns the port.
     pub const fn new(port: Port<U, D, T>) -> Self {
         Self { port, framer: Framer::new(), packet: [0; N] }
@@ -112,9 +112,12 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
     /// [`BusError::Port`] or, for a shorted line with echo, [`BusError::Corrupt`].
     pub async fn broadcast_ping(&mut self, mut found: impl FnMut(u8, Ping)) -> Result<usize, BusError> {
         self.send(BROADCAST_ID, Instruction::Ping, &[]).await?;
-        let ids = usize::from(MAX_ID) + 1;
+        const IDS: u32 = MAX_ID as u32 + 1;
+        let ids = IDS as usize;
         let line = self.port.line();
-        let limit = line.reply_limit_us(ids * max_packet_len(4), 1) + ids as u32 * BROADCAST_PING_US;
+        let limit = line
+            .reply_limit_us(ids.saturating_mul(max_packet_len(4)), 1)
+            .saturating_add(IDS * BROADCAST_PING_US);
         let mut seen = Seen::default();
         let result = self
             .statuses(limit, |status| {
@@ -201,9 +204,9 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
     /// [`BusError`]; [`BusError::TooMany`] beyond 28 bytes.
     pub async fn set_indirect(&mut self, id: u8, first: u8, addresses: &[u16]) -> Result<(), BusError> {
         const MOST: usize = 28;
-        let len = 2 * addresses.len();
+        let len = addresses.len().saturating_mul(2);
         let (mut found, mut wanted) = ([0; 2 * MOST], [0; 2 * MOST]);
-        if usize::from(first) + addresses.len() > MOST {
+        if addresses.len().saturating_add(first.into()) > MOST {
             return Err(BusError::TooMany);
         }
         for (slot, address) in wanted.chunks_exact_mut(2).zip(addresses) {
@@ -211,7 +214,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
         }
         let (found, wanted) = (found.get_mut(..len), wanted.get(..len));
         let (Some(found), Some(wanted)) = (found, wanted) else { return Err(BusError::TooMany) };
-        let start = super::table::INDIRECT_ADDRESS + 2 * u16::from(first);
+        let start = u16::from(first).saturating_mul(2).saturating_add(super::table::INDIRECT_ADDRESS);
         self.read(id, start, found).await?;
         if found != wanted {
             self.write(id, start, wanted).await?;
@@ -229,7 +232,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Client<U, D, T, 
 
     /// Bytes of the answer with this much data at most, if there is room for it.
     const fn room(data: usize) -> Result<usize, BusError> {
-        let len = max_packet_len(1 + data);
+        let len = max_packet_len(data.saturating_add(1));
         if len > N { Err(BusError::TooMany) } else { Ok(len) }
     }
 
@@ -332,7 +335,7 @@ impl Seen {
         match self.ids.get_mut(usize::from(id / 32)) {
             Some(word) if id <= MAX_ID && *word & bit == 0 => {
                 *word |= bit;
-                self.count += 1;
+                self.count = self.count.saturating_add(1);
                 true
             }
             _ => false,

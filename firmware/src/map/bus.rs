@@ -1,0 +1,62 @@
+//! What servos hang on.
+
+use crate::numbered::numbered;
+use serde::{Deserialize, Serialize};
+
+numbered! {
+    /// What servos hang on.
+    #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+    pub enum BusKind {
+        /// Dynamixel protocol 2.0.
+        Dynamixel = 0,
+        /// Dynamixel protocol 1.0 (AX, MX).
+        Dynamixel1 = 1,
+        /// Feetech STS.
+        Sts = 2,
+        /// Feetech SCS.
+        Scs = 3,
+        /// Hobby servos on the controller's own timers; ids count its outputs.
+        Pwm = 4,
+        /// Hobby servos on a PCA9685; ids are its channels.
+        Pca9685 = 5,
+        /// The Blender Servo Animation add-on's live frames.
+        Blender = 6,
+    }
+}
+
+impl BusKind {
+    /// Its name in puppet.toml.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Dynamixel => "dynamixel",
+            Self::Dynamixel1 => "dynamixel1",
+            Self::Sts => "sts",
+            Self::Scs => "scs",
+            Self::Pwm => "pwm",
+            Self::Pca9685 => "pca9685",
+            Self::Blender => "blender",
+        }
+    }
+
+    /// The kind of a name in puppet.toml.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|kind| kind.name() == name)
+    }
+
+    /// Whether servos on such a bus tell where they are.
+    pub const fn reads(self) -> bool {
+        matches!(self, Self::Dynamixel | Self::Dynamixel1 | Self::Sts | Self::Scs)
+    }
+}
+
+/// Most buses of a puppet.
+pub const MAX_BUSES: usize = 4;
+
+/// A bus of a puppet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BusSpec {
+    /// What it speaks.
+    pub kind: BusKind,
+    /// Bits per second, not 0; for PWM the pulses per second.
+    pub baud: u32,
+}

@@ -1,0 +1,237 @@
+//! What can be wrong with a puppet.toml, in sentences.
+
+use crate::channels::{MissingChannel, Unit};
+use crate::models::UnknownModel;
+use crate::place::Place;
+use core::fmt;
+use firmware::map::{MAX_BUSES, MAX_SERVOS, MapError};
+use servo_wire::pca9685::CHANNELS;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What is wrong with a puppet.toml, and where. It is written as one sentence with the file, the line and the key.
+#[derive(Debug)]
+pub struct Error {
+    path: PathBuf,
+    place: Option<Place>,
+    problem: Problem,
+}
+
+impl Error {
+    pub(crate) fn new(path: &Path, place: Option<Place>, problem: impl Into<Problem>) -> Self {
+        Self { path: path.to_owned(), place, problem: problem.into() }
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Where in the file it is; `None` where it concerns the whole of the file.
+    pub const fn place(&self) -> Option<&Place> {
+        self.place.as_ref()
+    }
+
+    /// What is wrong.
+    pub const fn problem(&self) -> &Problem {
+        &self.problem
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let path = self.path.display();
+        match (&self.problem, &self.place) {
+            (Problem::Read(error), _) => write!(f, "cannot read {path}: {error}"),
+            (problem, Some(place)) => write!(f, "{path}{place}: {problem}"),
+            (problem, None) => write!(f, "{path}: {problem}"),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+/// What is wrong with a puppet.toml.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Problem {
+    /// The file cannot be read.
+    #[error(transparent)]
+    Read(io::Error),
+    /// The bytes are not UTF-8.
+    #[error("byte {byte}: not text")]
+    NotText {
+        /// The first byte that is not.
+        byte: usize,
+    },
+    /// The text is not TOML, a key is unknown or missing, or a value is of another type.
+    #[error("{}", .0.message().replace('\n', ", "))]
+    Toml(Box<toml::de::Error>),
+    /// A number is out of range.
+    #[error("found {found}, expected {least} to {most}")]
+    OutOfRange {
+        /// The number.
+        found: f64,
+        /// Least that it may be.
+        least: f64,
+        /// Most that it may be.
+        most: f64,
+    },
+    /// A number of a joint is not positive.
+    #[error("found {found}, expected more than 0{}", .most.map_or(String::new(), |most| format!(" and at most {most}")))]
+    NotPositive {
+        /// The number.
+        found: f64,
+        /// Most that it may be, where that is less than any number.
+        most: Option<f64>,
+    },
+    /// No baud rate and no buses.
+    #[error("expected `baud`, or a [[bus]] with its `kind` and `baud`")]
+    NoBaud,
+    /// A baud rate of the puppet, and buses.
+    #[error("a puppet with [[bus]] has the `baud` there")]
+    BaudBesideBuses,
+    /// A baud rate of 0.
+    #[error("found 0, expected more")]
+    BaudZero,
+    /// Two buses have this name.
+    #[error("another bus has this name")]
+    BusTwice,
+    /// More buses than a map holds.
+    #[error("more than {MAX_BUSES} buses")]
+    TooManyBuses,
+    /// A joint of a puppet with several buses names none.
+    #[error("expected `bus`, since there are several")]
+    NoBus,
+    /// A joint names a bus that there is not.
+    #[error("there is no [[bus]] with the name \"{name}\"")]
+    UnknownBus {
+        /// The name.
+        name: String,
+    },
+    /// More joints than a map holds.
+    #[error("more than {MAX_SERVOS} joints, the most that a board holds")]
+    TooManyJoints,
+    /// Two joints have this name.
+    #[error("another joint has this name")]
+    JointTwice,
+    /// Two joints of a bus have this id.
+    #[error("joint \"{joint}\" has id {id} as well")]
+    IdTwice {
+        /// Name of the other joint.
+        joint: String,
+        /// The id.
+        id: u8,
+    },
+    /// A PCA9685 has no output with this number.
+    #[error("a PCA9685 has the channels 0 to {}, which its servos' ids are", CHANNELS - 1)]
+    Pca9685Channel,
+    /// A servo's model is not known.
+    #[error(transparent)]
+    Model(#[from] UnknownModel),
+    /// The channel is none of the clips'.
+    #[error(transparent)]
+    Channel(#[from] MissingChannel),
+    /// The name of a channel does not say what it moves.
+    #[error("\"{name}\" is no channel, expected joint.rx, .ry, .rz, .tx, .ty, .tz or .l")]
+    Dof {
+        /// The name.
+        name: String,
+    },
+    /// The channel is beyond those that a map can number.
+    #[error("a clip has at most 65535 channels")]
+    ChannelNumber,
+    /// A joint that follows a translation has no scale.
+    #[error("a translation needs `scale`, in goal units per cm")]
+    NoScale,
+    /// The scale is 0 in the steps that a map has.
+    #[error("the scale is too small for a servo to move")]
+    ScaleZero,
+    /// A direction that is none.
+    #[error("found {found}, expected 1 or -1")]
+    Direction {
+        /// The direction.
+        found: i8,
+    },
+    /// No range, or two.
+    #[error("expected either `range` or `goal_range`, and not both")]
+    Ranges,
+    /// A range beyond that of the servo.
+    #[error("these are goals {min} to {max}, a servo takes {lowest} to {highest}")]
+    RangeBeyondServo {
+        /// Lowest goal of the range.
+        min: f64,
+        /// Highest goal of the range.
+        max: f64,
+        /// Lowest goal of the servo.
+        lowest: i32,
+        /// Highest goal of the servo.
+        highest: i32,
+    },
+    /// A range without the zero.
+    #[error("these are goals {min} to {max}, which must include the zero, {zero}")]
+    RangeWithoutZero {
+        /// Lowest goal of the range.
+        min: f64,
+        /// Highest goal of the range.
+        max: f64,
+        /// The goal where the channel is 0.
+        zero: i32,
+    },
+    /// A home out of the range.
+    #[error("this is goal {goal}, the range is {min} to {max}")]
+    HomeOutOfRange {
+        /// The goal at home.
+        goal: f64,
+        /// Lowest goal of the range.
+        min: f64,
+        /// Highest goal of the range.
+        max: f64,
+    },
+    /// A speed below the least that a map can say.
+    #[error("too slow for a servo at {hz} Hz, expected at least {least:.4} {unit}s/s")]
+    TooSlow {
+        /// Goals a second.
+        hz: f64,
+        /// Least speed in the channel's unit.
+        least: f64,
+        /// The channel's unit.
+        unit: Unit,
+    },
+    /// The idle layer would add more than the joint's range.
+    #[error("{found} {unit}s are more than the joint's range")]
+    IdleBeyondRange {
+        /// What it would add.
+        found: f64,
+        /// The channel's unit.
+        unit: Unit,
+    },
+    /// What the map's own check says.
+    #[error(transparent)]
+    Map(#[from] MapError),
+}
+
+/// All that is wrong with a puppet, so far.
+#[derive(Debug, Default)]
+pub(crate) struct Mistakes(Vec<Error>);
+
+impl Mistakes {
+    pub(crate) fn add(&mut self, mistake: Error) {
+        self.0.push(mistake);
+    }
+
+    /// What there is of a result; its error is kept.
+    pub(crate) fn note<T>(&mut self, result: Result<T, Error>) -> Option<T> {
+        result.map_err(|error| self.add(error)).ok()
+    }
+
+    pub(crate) const fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl From<Mistakes> for Vec<Error> {
+    fn from(mistakes: Mistakes) -> Self {
+        mistakes.0
+    }
+}

@@ -1,0 +1,176 @@
+//! A joint's entry in numbers that a device uses.
+
+use crate::channels::{Channels, Unit};
+use crate::error::{Error, Mistakes, Problem};
+use crate::file::JointEntry;
+use crate::puppet::Puppet;
+use decoder_core::I16F16;
+use firmware::limits::{FINE_BITS, MAX_VELOCITY};
+use firmware::map::{BusKind, Idle, Joint};
+use toml::Spanned;
+
+/// Seconds in which a joint reaches its highest speed, where a puppet does not say its acceleration.
+const DEFAULT_RISE: f64 = 0.05;
+
+/// The lowest and the highest goal that servos on a kind of bus take.
+///
+/// Sources: e-Manual, "XM430-W350" (4096 a turn) and "AX-12A" (1024 in 300°); Feetech's memory tables of the STS3215
+/// (4096 a turn) and SCS15 (1024 in 200°); hobby servos take pulses of 500 to 2500 µs for some 180°.
+pub const fn goal_range(kind: BusKind) -> (i32, i32) {
+    match kind {
+        BusKind::Dynamixel | BusKind::Sts => (0, 4095),
+        BusKind::Dynamixel1 | BusKind::Scs => (0, 1023),
+        BusKind::Pwm | BusKind::Pca9685 | BusKind::Blender => (500, 2500),
+    }
+}
+
+/// Goals in a degree, from the sources of [`goal_range`].
+const fn goals_per_degree(kind: BusKind) -> f64 {
+    match kind {
+        BusKind::Dynamixel | BusKind::Sts => 4096.0 / 360.0,
+        BusKind::Dynamixel1 => 1024.0 / 300.0,
+        BusKind::Scs => 1024.0 / 200.0,
+        BusKind::Pwm | BusKind::Pca9685 | BusKind::Blender => 2000.0 / 180.0,
+    }
+}
+
+/// The channel that a joint follows.
+struct Channel {
+    index: u16,
+    unit: Unit,
+    /// Goal units per unit, without the direction.
+    scale: f64,
+}
+
+impl Puppet {
+    /// The joint, and what is wrong with its entry.
+    pub(crate) fn joint(
+        &self,
+        entry: &JointEntry,
+        bus: u8,
+        kind: BusKind,
+        channels: &Channels,
+        mistakes: &mut Mistakes,
+    ) -> Option<Joint> {
+        let (lowest, highest) = goal_range(kind);
+        let channel = mistakes.note(self.channel(entry, goals_per_degree(kind), channels));
+        let sign = mistakes.note(match &entry.direction {
+            None => Ok(1.0),
+            Some(direction) => match *direction.get_ref() {
+                sign @ (1 | -1) => Ok(f64::from(sign)),
+                found => Err(self.wrong(direction, Problem::Direction { found })),
+            },
+        });
+        let speed = mistakes.note(self.positive(&entry.max_speed, f64::MAX));
+        let acceleration = match &entry.max_acceleration {
+            None => speed.map(|speed| speed / DEFAULT_RISE),
+            Some(acceleration) => mistakes.note(self.positive(acceleration, f64::MAX)),
+        };
+        let (Channel { index, unit, scale }, sign) = (channel?, sign?);
+        let zero = entry.zero.as_ref().map_or((lowest + highest + 1) / 2, |zero| *zero.get_ref());
+        let to_goal = |value: f64| (f64::from(zero) + sign * scale * value).round();
+        let range = mistakes.note(self.range(entry, zero, (lowest, highest), to_goal));
+        let home = match (&entry.home, range) {
+            (Some(home), Some((min, max))) => {
+                let goal = to_goal(*home.get_ref());
+                let fits = (min..=max).contains(&goal).then_some(goal);
+                mistakes
+                    .note(fits.ok_or_else(|| self.wrong(home, Problem::HomeOutOfRange { goal, min, max })))
+            }
+            _ => Some(f64::from(zero)),
+        };
+        let hz = f64::from(*self.file.servo_hz.get_ref());
+        let fine = f64::from(1 << FINE_BITS);
+        let most = f64::from(MAX_VELOCITY);
+        let velocity = speed.and_then(|speed| {
+            let velocity = (speed * scale / hz * fine).min(most);
+            let least = hz / scale / fine;
+            let fits = (velocity >= 1.0).then_some(velocity);
+            let too_slow = || self.wrong(&entry.max_speed, Problem::TooSlow { hz, least, unit });
+            mistakes.note(fits.ok_or_else(too_slow))
+        });
+        let acceleration = acceleration.map(|value| (value * scale / (hz * hz) * fine).clamp(1.0, most));
+        let idle = match &entry.idle {
+            Some(spanned) => {
+                // Without a range that is one, the servo's own.
+                let (min, max) = range.unwrap_or((f64::from(lowest), f64::from(highest)));
+                let entry = *spanned.get_ref();
+                let goals = |value: f64| {
+                    let goals = (sign * scale * value).round();
+                    let fits = (goals.abs() <= max - min).then_some(goals as i16);
+                    let beyond = || self.wrong(spanned, Problem::IdleBeyondRange { found: value, unit });
+                    fits.ok_or_else(beyond)
+                };
+                let idle = || {
+                    let (breathing, sway, gaze) =
+                        (goals(entry.breathing)?, goals(entry.sway)?, goals(entry.gaze)?);
+                    Ok(Idle { breathing, sway, gaze })
+                };
+                mistakes.note(idle())
+            }
+            None => Some(Idle::default()),
+        };
+        let scale = I16F16::saturating_from_num(sign * scale);
+        if scale == I16F16::ZERO {
+            mistakes.add(self.wrong(&entry.name, Problem::ScaleZero));
+        }
+        let (min, max) = range?;
+        Some(Joint {
+            channel: index,
+            bus,
+            id: *entry.id.get_ref(),
+            zero,
+            home: home? as i32,
+            scale,
+            min: min as i32,
+            max: max as i32,
+            max_velocity: velocity? as i32,
+            max_acceleration: acceleration? as i32,
+            idle: idle?,
+        })
+    }
+
+    fn channel(&self, entry: &JointEntry, per_degree: f64, channels: &Channels) -> Result<Channel, Error> {
+        let found = channels.find(entry.channel.get_ref());
+        let (index, unit) = found.map_err(|missing| self.wrong(&entry.channel, missing))?;
+        let scale = match &entry.scale {
+            Some(scale) => self.positive(scale, I16F16::MAX.to_num())?,
+            None if unit == Unit::Degree => per_degree,
+            None => return Err(self.wrong(&entry.channel, Problem::NoScale)),
+        };
+        let index = u16::try_from(index).map_err(|_| self.wrong(&entry.channel, Problem::ChannelNumber))?;
+        Ok(Channel { index, unit, scale })
+    }
+
+    /// Lowest and highest goal.
+    fn range(
+        &self,
+        entry: &JointEntry,
+        zero: i32,
+        (lowest, highest): (i32, i32),
+        to_goal: impl Fn(f64) -> f64,
+    ) -> Result<(f64, f64), Error> {
+        let ([one, other], place) = match (&entry.range, &entry.goal_range) {
+            (Some(range), None) => (range.get_ref().map(to_goal), range.span()),
+            (None, Some(range)) => (range.get_ref().map(f64::from), range.span()),
+            _ => return Err(self.wrong(&entry.name, Problem::Ranges)),
+        };
+        let (min, max) = (one.min(other), one.max(other));
+        if !(min >= f64::from(lowest) && max <= f64::from(highest)) {
+            return Err(self.wrong_at(place, Problem::RangeBeyondServo { min, max, lowest, highest }));
+        }
+        if f64::from(zero) < min || f64::from(zero) > max {
+            return Err(self.wrong_at(place, Problem::RangeWithoutZero { min, max, zero }));
+        }
+        Ok((min, max))
+    }
+
+    fn positive(&self, value: &Spanned<f64>, highest: f64) -> Result<f64, Error> {
+        let found = *value.get_ref();
+        if found > 0.0 && found <= highest {
+            return Ok(found);
+        }
+        let most = (highest < f64::MAX).then_some(highest);
+        Err(self.wrong(value, Problem::NotPositive { found, most }))
+    }
+}

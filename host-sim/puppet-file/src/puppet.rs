@@ -1,0 +1,265 @@
+//! A puppet.toml that was read.
+
+use crate::channels::{Channels, Owner, joint_of};
+use crate::error::{Error, Problem};
+use crate::file::{File, JointEntry};
+use crate::models;
+use crate::place::Place;
+use firmware::map::{BusKind, BusSpec, Joint, MAX_BUSES};
+use heapless::Vec as HeaplessVec;
+use mocap::Clip;
+use mocap::skeleton::Dof;
+use std::fs;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+
+/// A servo as a puppet.toml names it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NamedServo {
+    /// Number of its bus, in the order of the file.
+    pub bus: usize,
+    /// Its id on that bus.
+    pub id: u8,
+    /// The joint's name.
+    pub name: String,
+    /// Its model number, where the puppet says it.
+    pub model: Option<u16>,
+}
+
+/// A puppet.toml whose keys and value types are right; [`Puppet::map`] checks what the values say.
+#[derive(Debug)]
+pub struct Puppet {
+    path: PathBuf,
+    text: String,
+    pub(crate) file: File,
+}
+
+impl Puppet {
+    /// Reads a puppet.toml.
+    ///
+    /// # Errors
+    /// A sentence that names the file, the line and the key.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let bytes = fs::read(path).map_err(|error| Error::new(path, None, Problem::Read(error)))?;
+        let not_text = |byte| Error::new(path, None, Problem::NotText { byte });
+        let text = String::from_utf8(bytes).map_err(|error| not_text(error.utf8_error().valid_up_to()))?;
+        Self::parse(path, text)
+    }
+
+    /// As [`read`](Self::read), of a text that came from `path`, which errors name.
+    ///
+    /// # Errors
+    /// A sentence that names the file, the line and the key.
+    pub fn parse(path: &Path, text: String) -> Result<Self, Error> {
+        match toml::from_str(&text) {
+            Ok(file) => Ok(Self { path: path.to_owned(), text, file }),
+            Err(error) => {
+                let place = error.span().map(|span| Place::of(&text, span));
+                Err(Error::new(path, place, Problem::Toml(Box::new(error))))
+            }
+        }
+    }
+
+    /// Text and path, as they were read.
+    pub fn source(&self) -> (&Path, &str) {
+        (&self.path, &self.text)
+    }
+
+    /// Where the puppet says that its skeleton is.
+    pub fn skeleton(&self) -> Option<PathBuf> {
+        let skeleton = self.file.skeleton.as_ref()?;
+        Some(self.path.parent().map_or_else(|| skeleton.clone(), |folder| folder.join(skeleton)))
+    }
+
+    /// The names of its buses, in the order of the map; one that has none is "bus".
+    pub fn bus_names(&self) -> Vec<String> {
+        match self.file.bus.as_slice() {
+            [] => vec!["bus".to_owned()],
+            buses => buses.iter().map(|bus| bus.name.get_ref().clone()).collect(),
+        }
+    }
+
+    /// What the servos hang on, in the order of the map.
+    ///
+    /// # Errors
+    /// A bus without a rate, or two with one name, or more than [`MAX_BUSES`].
+    pub fn buses(&self) -> Result<HeaplessVec<BusSpec, MAX_BUSES>, Error> {
+        let file = &self.file;
+        match (&file.baud, file.bus.as_slice()) {
+            (Some(baud), []) => {
+                Ok([BusSpec { kind: BusKind::Dynamixel, baud: *baud.get_ref() }].into_iter().collect())
+            }
+            (None, []) => Err(self.wrong_at_all(Problem::NoBaud)),
+            (Some(baud), _) => Err(self.wrong(baud, Problem::BaudBesideBuses)),
+            (None, entries) => {
+                let mut buses = HeaplessVec::new();
+                for (index, entry) in entries.iter().enumerate() {
+                    if entries.iter().take(index).any(|other| other.name.get_ref() == entry.name.get_ref()) {
+                        return Err(self.wrong(&entry.name, Problem::BusTwice));
+                    }
+                    if *entry.baud.get_ref() == 0 {
+                        return Err(self.wrong(&entry.baud, Problem::BaudZero));
+                    }
+                    buses
+                        .push(BusSpec { kind: entry.kind, baud: *entry.baud.get_ref() })
+                        .map_err(|_| self.wrong(&entry.name, Problem::TooManyBuses))?;
+                }
+                Ok(buses)
+            }
+        }
+    }
+
+    /// The servos without what they follow, in the order of the file.
+    ///
+    /// # Errors
+    /// A joint whose bus there is not, or whose model is not known.
+    pub fn servos(&self) -> Result<Vec<NamedServo>, Error> {
+        let named = |entry: &JointEntry| {
+            let (bus, name) = (self.bus_of(entry)?, entry.name.get_ref().clone());
+            Ok(NamedServo { bus: bus.into(), id: *entry.id.get_ref(), name, model: self.model(entry)? })
+        };
+        self.file.joint.iter().map(named).collect()
+    }
+
+    /// The name of a joint of this puppet's map; empty for one that is not of it.
+    pub fn name_of(&self, joint: &Joint) -> &str {
+        let is = |entry: &&JointEntry| {
+            *entry.id.get_ref() == joint.id && self.bus_of(entry).ok() == Some(joint.bus)
+        };
+        self.file.joint.iter().find(is).map_or("", |entry| entry.name.get_ref())
+    }
+
+    /// The channels that the joints follow, as `bunraku encode --puppet` orders them.
+    ///
+    /// The skeleton's joints come in the order in which the file names them first, and so do the channels of each.
+    ///
+    /// # Errors
+    /// A channel whose name does not say what it moves.
+    pub fn channels(&self) -> Result<Channels, Error> {
+        let mut names: Vec<&str> = Vec::new();
+        for name in self.file.joint.iter().map(|entry| entry.channel.get_ref()) {
+            if !names.contains(&name.as_str()) {
+                names.push(name);
+            }
+        }
+        let mut joints: Vec<&str> = Vec::new();
+        for joint in names.iter().map(|name| joint_of(name)) {
+            if !joints.contains(&joint) {
+                joints.push(joint);
+            }
+        }
+        let mut columns = Vec::new();
+        for name in joints.iter().flat_map(|&joint| names.iter().filter(move |name| joint_of(name) == joint))
+        {
+            let dof = Dof::ALL.into_iter().find(|dof| name.ends_with(&format!(".{}", dof.name())));
+            let dof =
+                dof.ok_or_else(|| self.wrong_channel(name, Problem::Dof { name: (*name).to_owned() }))?;
+            columns.push(((*name).to_owned(), dof.into()));
+        }
+        Ok(Channels::new(Owner::Puppet, columns))
+    }
+
+    /// The part of a recording that the joints follow, with the channels of [`channels`](Self::channels).
+    ///
+    /// # Errors
+    /// A channel that the recording does not have.
+    pub fn followed(&self, recording: &Clip) -> Result<Clip, Error> {
+        let all = Channels::from(&recording.skeleton);
+        let mut kept = Vec::new();
+        for name in self.channels()?.names() {
+            kept.push(all.find(name).map_err(|missing| self.wrong_channel(name, missing))?.0);
+        }
+        let motion = recording.motion.with_channels(&kept);
+        Ok(Clip { skeleton: recording.skeleton.with_channels(&kept), motion })
+    }
+
+    /// The number of a joint's bus.
+    pub(crate) fn bus_of(&self, entry: &JointEntry) -> Result<u8, Error> {
+        match &entry.bus {
+            None if self.file.bus.len() < 2 => Ok(0),
+            None => Err(self.wrong(&entry.name, Problem::NoBus)),
+            Some(name) => {
+                let found = self.file.bus.iter().position(|bus| bus.name.get_ref() == name.get_ref());
+                let number = found.and_then(|index| u8::try_from(index).ok());
+                number.ok_or_else(|| self.wrong(name, Problem::UnknownBus { name: name.get_ref().clone() }))
+            }
+        }
+    }
+
+    /// The model number that an entry says.
+    pub(crate) fn model(&self, entry: &JointEntry) -> Result<Option<u16>, Error> {
+        let Some(spanned) = &entry.model else { return Ok(None) };
+        let number = models::number(spanned.get_ref());
+        number.map(Some).map_err(|unknown| self.wrong(spanned, unknown))
+    }
+
+    /// A mistake in the channel that is called `name`.
+    fn wrong_channel(&self, name: &str, problem: impl Into<Problem>) -> Error {
+        let entry = self.file.joint.iter().find(|entry| entry.channel.get_ref() == name);
+        let span = entry.map(|entry| Place::of(&self.text, entry.channel.span()));
+        Error::new(&self.path, span, problem)
+    }
+
+    /// A mistake in a value.
+    pub(crate) fn wrong<T>(&self, value: &Spanned<T>, problem: impl Into<Problem>) -> Error {
+        self.wrong_at(value.span(), problem)
+    }
+
+    /// A mistake at a byte range of the file.
+    pub(crate) fn wrong_at(&self, span: Range<usize>, problem: impl Into<Problem>) -> Error {
+        Error::new(&self.path, Some(Place::of(&self.text, span)), problem)
+    }
+
+    /// A mistake of the whole file.
+    pub(crate) fn wrong_at_all(&self, problem: impl Into<Problem>) -> Error {
+        Error::new(&self.path, None, problem)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::channels::Unit;
+
+    fn puppet(channels: &[&str]) -> Puppet {
+        let mut text = "servo_hz = 50\nbaud = 1_000_000\n".to_owned();
+        for (id, channel) in channels.iter().enumerate() {
+            text += &format!(
+                "[[joint]]\nname = \"{id}\"\nid = {id}\nchannel = \"{channel}\"\nrange = [-10, 10]\nmax_speed = 100\n"
+            );
+        }
+        Puppet::parse(Path::new("puppet.toml"), text).unwrap()
+    }
+
+    #[test]
+    fn a_puppets_own_channels_are_its_joints_in_order() {
+        let puppet = puppet(&["a.b.rx", "c.tz", "a.b.rz", "c.tz", "d.l", "a.b.rx"]);
+        let channels = puppet.channels().unwrap();
+        assert_eq!(channels.names().collect::<Vec<_>>(), ["a.b.rx", "a.b.rz", "c.tz", "d.l"]);
+        assert_eq!(channels.find("c.tz"), Ok((2, Unit::Centimetre)));
+        let error = self::puppet(&["a.rx", "elbow"]).channels().unwrap_err().to_string();
+        assert!(
+            error.starts_with("puppet.toml, line 12, key \"channel\": \"elbow\" is no channel"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn what_is_not_text_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.toml");
+        fs::write(&path, b"\xff\xd8\xff\xe0").unwrap();
+        let error = Puppet::read(&path).unwrap_err().to_string();
+        assert!(error.contains("photo.toml: byte 0: not text"), "{error}");
+    }
+
+    #[test]
+    fn the_skeleton_lies_beside_the_puppet() {
+        let text = format!(
+            "skeleton = '02.asf'\nservo_hz = 50\nbaud = 1\n[[joint]]\nname = 'elbow'\nchannel = 'rradius.rx'\nid = 3\nrange = [-90, 10]\nmax_speed = 90"
+        );
+        let puppet = Puppet::parse(Path::new("some/puppet.toml"), text).unwrap();
+        assert_eq!(puppet.skeleton(), Some(PathBuf::from("some/02.asf")));
+    }
+}
