@@ -113,7 +113,10 @@ mod tests {
         let mut shorter = clip.motion.clone();
         shorter.samples.truncate(clip.motion.channels * 10);
         let error = filmstrip(&clip.skeleton, &clip.motion, &shorter, 5, "").unwrap_err();
-        assert_eq!(error.to_string(), "found 480 frames of 31 channels and 10 of 31, expected as many of both");
+        assert_eq!(
+            error.to_string(),
+            "found 480 frames of 31 channels and 10 of 31, expected as many of both"
+        );
         assert!(filmstrip(&clip.skeleton, &clip.motion, &clip.motion, 1, "").is_err());
     }
 }
