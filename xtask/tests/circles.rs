@@ -13,7 +13,16 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The crates whose files are checked, by their folder.
-const CRATES: [&str; 4] = ["decoder-core", "encoder", "firmware", "host-sim/thumb-cycles"];
+const CRATES: [&str; 8] = [
+    "decoder-core",
+    "encoder",
+    "encoder/mocap",
+    "firmware",
+    "host-sim",
+    "host-sim/puppet-file",
+    "host-sim/thumb-cycles",
+    "host-sim/virtual-servos",
+];
 
 /// For each file, what it needs, and the line where it says so.
 type Needs = BTreeMap<PathBuf, BTreeMap<PathBuf, usize>>;
