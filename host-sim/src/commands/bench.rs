@@ -117,4 +117,5 @@ fn print(name: &str, frames: usize, channels: usize, entries: &[Entry]) {
          decoder's, without the motion.",
         peers::BLOCK_BYTES
     );
+    CORES.iter().for_each(|core| println!("{}", core.evidence()));
 }
