@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The crates whose files are checked, by their folder.
-const CRATES: [&str; 3] = ["decoder-core", "encoder", "firmware"];
+const CRATES: [&str; 5] =
+    ["decoder-core", "encoder", "firmware", "firmware/servo-wire", "host-sim/virtual-servos"];
 
 /// Names of modules from the crate's root on.
 type Module = Vec<String>;
