@@ -1,25 +1,17 @@
 //! The document's predictive methods (sections 7.2 to 7.6) on real motion, as a user reproduces them.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{bunraku, motion};
+use bunraku_tests::{bunraku, motion, trials};
 use encoder::codec::adpcm::{Adpcm, StepAdaptation};
 use encoder::mclip::Encoder;
 use encoder::train::{Search, jayant, scores, train};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-
-fn amcs(folder: &Path) -> Vec<PathBuf> {
-    let files = std::fs::read_dir(folder.join("cmu")).unwrap().map(|entry| entry.unwrap().path());
-    let mut amcs: Vec<PathBuf> =
-        files.filter(|path| path.extension().is_some_and(|extension| extension == "amc")).collect();
-    amcs.sort();
-    amcs
-}
+use std::path::PathBuf;
 
 #[test]
 fn adaptive_prediction_with_huffman_is_five_to_one_at_30_db_on_every_clip() {
-    let Some(folder) = motion() else { return };
-    let clips = amcs(&folder);
+    let Some(trials) = trials() else { return };
+    let clips: Vec<PathBuf> = trials.into_iter().map(|(motion, _)| motion).collect();
     let output = bunraku().arg("rd").args(&clips).args(["--fps", "30", "--psnr", "30", "--json"]).output();
     let output = output.unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
