@@ -12,6 +12,8 @@ mod block;
 mod clip;
 mod cursor;
 mod decoder;
+#[cfg(test)]
+mod delayed;
 mod entries;
 mod fields;
 mod header;

@@ -7,8 +7,9 @@ use host_sim::show::{self, PlayedShow, Program, Summary};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Run a show to its end on virtual servos: clips with crossfades, commands, and servos that restart, fall silent or are cut
-/// off, and say what it came to.
+/// Run a show to its end on virtual servos, and report what happened.
+///
+/// A show is clips with crossfades, commands, and servos that restart, fall silent or are cut off.
 ///
 /// The firmware runs in this program, on the simulated Cortex-M4 (which counts what each tick costs) or under QEMU; all three tell
 /// the servos the same. Exits with 1 where a goal was outside limits, or a fault is latched in the end.
