@@ -200,9 +200,8 @@ impl<'s> Stage<'s> for AdaptiveHuffman<'s> {
     }
 
     #[inline(always)]
-    fn restart<'c>(&mut self, _: impl Iterator<Item = &'c mut u8>, position: usize) -> usize {
+    fn restart<'c>(&mut self, _: impl Iterator<Item = &'c mut u8>) {
         self.reset();
-        position
     }
 
     #[inline(always)]

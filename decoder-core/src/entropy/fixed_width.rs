@@ -31,7 +31,10 @@ impl<'s> Stage<'s> for FixedWidth {
     }
 
     #[inline(always)]
-    fn restart<'c>(&mut self, _: impl Iterator<Item = &'c mut u8>, position: usize) -> usize {
+    fn restart<'c>(&mut self, _: impl Iterator<Item = &'c mut u8>) {}
+
+    #[inline(always)]
+    fn codes_from(&self, position: usize) -> usize {
         position.wrapping_add(7) & !7
     }
 

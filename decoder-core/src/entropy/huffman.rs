@@ -266,9 +266,8 @@ impl<'s> Stage<'s> for Huffman<'s> {
     }
 
     #[inline(always)]
-    fn restart<'c>(&mut self, contexts: impl Iterator<Item = &'c mut u8>, position: usize) -> usize {
+    fn restart<'c>(&mut self, contexts: impl Iterator<Item = &'c mut u8>) {
         contexts.for_each(|context| *context = self.shape.first_of(*context));
-        position
     }
 
     #[inline(always)]

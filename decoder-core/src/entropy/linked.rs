@@ -74,13 +74,18 @@ macro_rules! linked_stages {
 
             /// Begins anew at an entry point: [`Stage::restart`].
             #[inline(always)]
-            pub fn restart<'c>(
-                &mut self,
-                contexts: impl Iterator<Item = &'c mut u8>,
-                position: usize,
-            ) -> usize {
+            pub fn restart<'c>(&mut self, contexts: impl Iterator<Item = &'c mut u8>) {
                 match self {
-                    $(#[cfg(feature = $name)] Self::$Variant(stage) => stage.restart(contexts, position),)*
+                    $(#[cfg(feature = $name)] Self::$Variant(stage) => stage.restart(contexts),)*
+                    Self::Never(never, _) => match *never {},
+                }
+            }
+
+            /// The bit where codes begin: [`Stage::codes_from`].
+            #[inline(always)]
+            pub fn codes_from(&self, position: usize) -> usize {
+                match self {
+                    $(#[cfg(feature = $name)] Self::$Variant(stage) => stage.codes_from(position),)*
                     Self::Never(never, _) => match *never {},
                 }
             }

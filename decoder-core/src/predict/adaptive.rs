@@ -97,15 +97,18 @@ impl Correlation<'_> {
     /// Takes in a [movement]. `window` is s, 1 to [`MAX_WINDOW`]. Three 16-bit multiplies.
     #[inline(always)]
     pub fn add(&mut self, movement: i16, window: u32) {
-        let last = self.movements();
-        let [movements, sums @ ..] = &mut *self.0;
-        for (word, product) in sums.iter_mut().zip(products(movement, last)) {
-            // Products are at most 2^24 in magnitude, so sums are at most 2^30 + 2^24.
-            let sum = word.cast_signed();
-            *word = sum.wrapping_sub(sum.wrapping_shr(window)).wrapping_add(product).cast_unsigned();
-        }
+        let [movements, r0, r1, r2] = *self.0;
+        let last = unpair(movements.cast_signed());
         let [newest, _] = last;
-        *movements = pair([movement, newest]).cast_unsigned();
+        let [p0, p1, p2] = products(movement, last);
+        // Products are at most 2^24 in magnitude, so sums are at most 2^30 + 2^24.
+        let decayed = |word: u32, product: i32| {
+            let sum = word.cast_signed();
+            // In this order, the sum may be shifted in its register.
+            sum.wrapping_add(product).wrapping_sub(sum.wrapping_shr(window)).cast_unsigned()
+        };
+        let movements = pair([movement, newest]).cast_unsigned();
+        *self.0 = [movements, decayed(r0, p0), decayed(r1, p1), decayed(r2, p2)];
     }
 }
 
