@@ -4,7 +4,7 @@
 //! implementation is with its type or trait. What a macro makes is not seen, but the macro's call is. Where a change is
 //! meant, run
 //!
-//!     BUNRAKU_BLESS=1 cargo nextest run -p xtask --test api_snapshot
+//!     cargo xtask api
 //!
 //! and say in the commit whether users have to change their code.
 
@@ -22,7 +22,7 @@ use syn::{Fields, ImplItem, Item, TraitItem, Type, UseTree, Visibility};
 /// Attributes that a crate's users depend on.
 const KEPT: [&str; 6] = ["cfg", "deprecated", "derive", "macro_export", "non_exhaustive", "repr"];
 
-const COMMAND: &str = "BUNRAKU_BLESS=1 cargo nextest run -p xtask --test api_snapshot";
+const COMMAND: &str = "cargo xtask api";
 
 /// A crate that is read, and what of it was found to be public.
 struct Api<'f> {
