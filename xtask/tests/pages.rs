@@ -11,10 +11,15 @@ fn workspace() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
 }
 
+/// Files of the repository, from its root.
+fn git_files(pattern: &str) -> Vec<PathBuf> {
+    let listed = Command::new("git").args(["ls-files", pattern]).current_dir(workspace()).output().unwrap();
+    String::from_utf8(listed.stdout).unwrap().lines().map(PathBuf::from).collect()
+}
+
 /// The pages of the repository, from its root.
 fn pages() -> Vec<PathBuf> {
-    let listed = Command::new("git").args(["ls-files", "*.md"]).current_dir(workspace()).output().unwrap();
-    let pages: Vec<PathBuf> = String::from_utf8(listed.stdout).unwrap().lines().map(PathBuf::from).collect();
+    let pages = git_files("*.md");
     assert!(pages.len() > 10, "{pages:?}");
     pages
 }
@@ -52,14 +57,16 @@ fn named(line: &str) -> Vec<String> {
     found
 }
 
-/// What a page names and is not there: a link is from the page's folder; a name may be that, or from the root, or from a
-/// crate's `src` or `tests` folder that encloses the page's subject.
+/// What a page names and is not there. A link is from the page's folder or the root. A name may be shortened: it is the end
+/// of a file's path.
 fn missing(page: &Path, text: &str) -> Vec<String> {
     let folder = workspace().join(page).parent().unwrap().to_owned();
+    let files = git_files("*");
+    let is_end = |name: &str| files.iter().any(|file| file.ends_with(name));
     let mut missing = Vec::new();
     for (line, content) in prose(text) {
         for name in named(content) {
-            if !folder.join(&name).exists() && !workspace().join(&name).exists() {
+            if !folder.join(&name).exists() && !workspace().join(&name).exists() && !is_end(&name) {
                 missing.push(format!("{}:{line}: there is no {name}", page.display()));
             }
         }
