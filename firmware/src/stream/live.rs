@@ -99,7 +99,7 @@ impl<'s> Live<'s> {
                 return Ok(None);
             }
             let header = Header::parse(blocks.header(), self.settings.limits).map_err(StreamError::Clip)?;
-            let (channels, block) = (header.channel_count(), usize::from(header.opening().block_bytes));
+            let (channels, block) = (header.channel_count(), usize::from(header.fields().block_bytes));
             let (frames, rate_centihertz, length) =
                 (header.frames(), header.rate_centihertz(), blocks.header().len());
             blocks.open(block)?;
