@@ -5,6 +5,16 @@ use crate::interpolate::Fraction;
 /// Most ticks per second. A servo bus does not carry more.
 pub const MAX_TICK_HZ: u16 = 1000;
 
+/// Most frames of a clip in a tick, at the clip's own speed. A tick decodes up to four times as many at [`Speed::FASTEST`], and a
+/// sixteenth more after an outside clock.
+pub const MAX_FRAMES_PER_TICK: u16 = 16;
+
+/// Whether ticks are fast enough for a clip of `clip_centihertz` hundredths of a frame per second, so that what a tick decodes is
+/// bounded.
+pub const fn keeps_up(clip_centihertz: u16, tick_hz: u16) -> bool {
+    clip_centihertz as u32 <= (tick_hz as u32).saturating_mul(100 * MAX_FRAMES_PER_TICK as u32)
+}
+
 /// How fast a clip is played, in 1/256 of its own speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -96,7 +106,8 @@ impl Clock {
         self.phase += advance.saturating_add_signed(correction);
     }
 
-    /// Whether another frame has gone by; asks until it says no, at most 2,800 times a tick.
+    /// Whether another frame has gone by; asks until it says no: for a clip that [`keeps_up`] at
+    /// most 69 times a tick.
     pub const fn frame_passed(&mut self) -> bool {
         if self.phase < self.tick_parts {
             return false;

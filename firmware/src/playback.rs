@@ -1,6 +1,6 @@
 //! A clip that plays: frames out of a decoder, in time, interpolated to the tick.
 
-use crate::clock::{Clock, Speed};
+use crate::clock::{Clock, Speed, keeps_up};
 use crate::frames::Frames;
 use crate::interpolate::{Fraction, catmull_rom, lerp};
 use crate::map::{Interpolation, JointMap};
@@ -39,6 +39,10 @@ impl<F: Frames, const N: usize> Playback<F, N> {
     pub fn new(mut frames: F, map: &JointMap<N>, repeats: bool, start: u32) -> Result<Self, (PlayError, F)> {
         if frames.rate_centihertz() == 0 {
             return Err((PlayError::Rate, frames));
+        }
+        let (rate_centihertz, tick_hz) = (frames.rate_centihertz(), map.tick_hz());
+        if !keeps_up(rate_centihertz, tick_hz) {
+            return Err((PlayError::TooFast { rate_centihertz, tick_hz }, frames));
         }
         if let Err(error) = map.check_channels(frames.channels()) {
             return Err((error, frames));

@@ -1,6 +1,6 @@
 //! A sender of live streams that goes by the clock, for shows: what it sends, and what of it gets lost, is the same in each run.
 
-use crate::clips::Workspace;
+use crate::clips::DecoderMemory;
 use crate::library::{LIVE, Library};
 use crate::link::message::DATA_BYTES;
 use crate::machine::{Command, Machine};
@@ -35,13 +35,13 @@ pub struct StreamMemory {
     header: [u8; STREAM_BYTES],
     block: [u8; DATA_BYTES],
     poses: [[I16F16; CHANNELS]; 4],
-    decoder: Workspace<CHANNELS, { 4 * CHANNELS }, WORDS>,
+    decoder: DecoderMemory<CHANNELS, { 4 * CHANNELS }, WORDS, 0>,
     pose: [I16F16; CHANNELS],
 }
 
 /// Its parts: those of the stream, of its decoder, and a frame's.
 pub type StreamParts<'s> =
-    (Memory<'s>, &'s mut Workspace<CHANNELS, { 4 * CHANNELS }, WORDS>, &'s mut [I16F16]);
+    (Memory<'s>, &'s mut DecoderMemory<CHANNELS, { 4 * CHANNELS }, WORDS, 0>, &'s mut [I16F16]);
 
 impl StreamMemory {
     /// Memory.
@@ -51,7 +51,7 @@ impl StreamMemory {
             header: [0; STREAM_BYTES],
             block: [0; DATA_BYTES],
             poses: [[I16F16::ZERO; CHANNELS]; 4],
-            decoder: Workspace::new(),
+            decoder: DecoderMemory::new(),
             pose: [I16F16::ZERO; CHANNELS],
         }
     }

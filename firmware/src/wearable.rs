@@ -3,7 +3,7 @@
 //! A tick decodes the frames that went by, takes the last one to the outputs' units and ranges, and that is all: nothing eases,
 //! nothing limits a speed, nobody answers. What may not jump, a servo above all, needs a [`Machine`](crate::machine::Machine).
 
-use crate::clock::{Clock, Speed};
+use crate::clock::{Clock, Speed, keeps_up};
 use crate::frames::Frames;
 use crate::limits::{FINE_BITS, clamp};
 use crate::map::{Joint, JointMap};
@@ -27,11 +27,14 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
     /// [`MAX_TICK_HZ`](crate::clock::MAX_TICK_HZ)); the map's own rate is that of its servos.
     ///
     /// # Errors
-    /// Where the clip has no rate, no frames, or not the channels that the map follows.
+    /// Where the clip has no rate, no frames, more frames a second than ticks can decode, or not the channels that the map follows.
     pub fn new(mut frames: F, map: &'m JointMap<N>, hz: u16) -> Result<Self, PlayError> {
         let rate = frames.rate_centihertz();
         if rate == 0 {
             return Err(PlayError::Rate);
+        }
+        if !keeps_up(rate, hz) {
+            return Err(PlayError::TooFast { rate_centihertz: rate, tick_hz: hz });
         }
         map.check_channels(frames.channels())?;
         if frames.frames() == 0 {
@@ -142,5 +145,18 @@ mod tests {
         let map = map(Settings::new(100));
         let error = Wearable::new(counting(), &map, 30).map(|_| ()).unwrap_err();
         assert!(matches!(error, PlayError::Channel { channels: 1, .. }), "{error:?}");
+    }
+
+    #[test]
+    fn a_clip_of_too_many_frames_a_tick_is_refused() {
+        let map = map(Settings::new(100));
+        let error = Wearable::new(counting(), &map, 7).map(|_| ()).unwrap_err();
+        assert_eq!(error, PlayError::TooFast { rate_centihertz: 12_000, tick_hz: 7 });
+        let sentence = error.to_string();
+        assert!(
+            sentence.starts_with("the clip has 120.00 frames a second, more than 16 for each of the 7"),
+            "{sentence}"
+        );
+        assert!(!matches!(Wearable::new(counting(), &map, 8), Err(PlayError::TooFast { .. })));
     }
 }

@@ -48,8 +48,10 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
             && patient
             && self.fault.is_none()
         {
-            // Asked again only after it had the time to come back.
-            return (self.waited % settings.ticks(FIND_MILLIS / 3) == 1).then_some(Action::Reboot { servo });
+            // Asked again only after it had the time to come back, which at a tick or two a second is one tick.
+            let since_first = self.waited.saturating_sub(1);
+            let is_due = since_first.is_multiple_of(settings.ticks(FIND_MILLIS / 3));
+            return is_due.then_some(Action::Reboot { servo });
         }
         let missing = (0..self.servos.len()).find(|&index| !self.is_read(index, feedback));
         match missing {

@@ -315,8 +315,17 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
                 Action::TorqueOn { servo: index }
             })
         });
-        let watchdog = Action::Watchdog { millis: self.map.settings().servo_watchdog_millis };
+        let watchdog = Action::Watchdog { millis: self.servo_watchdog_millis() };
         fallen.or(self.rearm.then_some(watchdog))
+    }
+
+    /// Silence after which servos stop by themselves: what the map says, but more than a tick takes, since they hear something
+    /// once a tick. Where the map says less than that it is two ticks; 0 stays 0.
+    pub(super) fn servo_watchdog_millis(&self) -> u16 {
+        let settings = self.map.settings();
+        let (millis, hz) = (settings.servo_watchdog_millis, settings.tick_hz.max(1));
+        let outlasts_a_tick = u32::from(millis).saturating_mul(hz.into()) > 1000;
+        if millis == 0 || outlasts_a_tick { millis } else { 2000u16.div_ceil(hz) }
     }
 
     pub(super) fn enter(&mut self, state: State) {
