@@ -84,7 +84,7 @@ struct Sending<'s> {
 /// A block: its first frame, and all its bytes.
 fn block(clip: &[u8], at: usize) -> Option<(u32, &[u8])> {
     let &[n0, n1, _, _, a, b, c, d] = clip.get(at..)?.first_chunk()?;
-    let end = at + BLOCK_HEADER_BYTES + usize::from(u16::from_le_bytes([n0, n1]));
+    let end = at.saturating_add(BLOCK_HEADER_BYTES).saturating_add(u16::from_le_bytes([n0, n1]).into());
     Some((u32::from_le_bytes([a, b, c, d]) & 0x7fff_ffff, clip.get(at..end)?))
 }
 
@@ -223,7 +223,7 @@ impl Sending<'_> {
             while let Some((first, bytes)) = block(self.clip, self.at)
                 && first < progress.received
             {
-                self.at += bytes.len();
+                self.at = self.at.saturating_add(bytes.len());
             }
         }
         let Some((first, bytes)) = block(self.clip, self.at) else { return };
@@ -231,7 +231,7 @@ impl Sending<'_> {
         if progress.free_blocks == 0 || first > progress.position.saturating_add(ahead) {
             return;
         }
-        self.at += bytes.len();
+        self.at = self.at.saturating_add(bytes.len());
         if !lost {
             // What is damaged is counted.
             let _ = live.receive(bytes);

@@ -4,6 +4,7 @@
 //! nothing limits a speed, nobody answers. What may not jump, a servo above all, needs a [`Machine`](crate::machine::Machine).
 
 use crate::clock::{Clock, Speed, keeps_up};
+use crate::collect::collect;
 use crate::frames::Frames;
 use crate::limits::{FINE_BITS, clamp};
 use crate::map::{Joint, JointMap};
@@ -41,7 +42,7 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
             return Err(PlayError::NoFrames);
         }
         frames.approach(0);
-        let levels = map.joints().iter().map(|joint| joint.home).collect();
+        let levels = collect(map.joints().iter().map(|joint| joint.home));
         Ok(Self { frames, map, clock: Clock::new(rate, hz), due: 1, levels })
     }
 
@@ -53,7 +54,7 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
     /// What is wrong with the clip; the levels stay as they were.
     pub fn tick(&mut self) -> Result<&[i32], Error> {
         while self.due > 0 {
-            self.due -= 1;
+            self.due = self.due.saturating_sub(1);
             if self.frames.position() >= self.frames.frames() {
                 self.frames.approach(0);
             }
@@ -68,7 +69,7 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
         }
         self.clock.tick(Speed::NORMAL);
         while self.clock.frame_passed() {
-            self.due += 1;
+            self.due = self.due.saturating_add(1);
         }
         Ok(&self.levels)
     }
@@ -77,7 +78,7 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
 /// A joint's level in a frame, which has its channel.
 fn of(joint: &Joint, frame: &[I16F16]) -> i32 {
     let value = frame.get(usize::from(joint.channel)).copied().unwrap_or_default();
-    let level = (joint.goal(value) + (1 << (FINE_BITS - 1))) >> FINE_BITS;
+    let level = joint.goal(value).wrapping_add(1 << (FINE_BITS - 1)) >> FINE_BITS;
     clamp(level, joint.min, joint.max)
 }
 

@@ -67,12 +67,12 @@ impl<'s> Blocks<'s> {
         let places = self.memory.get_mut(self.received..self.header).unwrap_or_default();
         if new.len() > places.len() {
             return Err(StreamError::TooLarge {
-                needed: (self.received + new.len()) as u32,
+                needed: self.received.saturating_add(new.len()) as u32,
                 room: self.header as u32,
             });
         }
         places.iter_mut().zip(new).for_each(|(place, &byte)| *place = byte);
-        self.received += new.len();
+        self.received = self.received.saturating_add(new.len());
         Ok(self.received == self.header)
     }
 
@@ -83,9 +83,9 @@ impl<'s> Blocks<'s> {
 
     /// Makes places for blocks whose codes have at most so many bytes.
     pub fn open(&mut self, block_bytes: usize) -> Result<(), StreamError> {
-        let (place, room) = (block_bytes + BLOCK_HEADER_BYTES, self.memory.len());
+        let (place, room) = (block_bytes.saturating_add(BLOCK_HEADER_BYTES), self.memory.len());
         self.place = place;
-        let needed = self.header + 2 * place;
+        let needed = self.header.saturating_add(place.saturating_mul(2));
         if needed > room {
             return Err(StreamError::TooLarge { needed: needed as u32, room: room as u32 });
         }
@@ -96,6 +96,11 @@ impl<'s> Blocks<'s> {
     pub fn places(&self) -> usize {
         let room = self.memory.len().saturating_sub(self.header);
         room.checked_div(self.place).unwrap_or(0).min(MOST_BLOCKS)
+    }
+
+    /// Where a place begins.
+    const fn address(&self, place: usize) -> usize {
+        self.header.saturating_add(place.saturating_mul(self.place))
     }
 
     /// Places that are free.
@@ -110,8 +115,8 @@ impl<'s> Blocks<'s> {
         }
         let free = |place: &usize| self.waiting.iter().all(|waiting| waiting.place != *place);
         let Some(place) = (0..self.places()).find(free) else { return Taken::Full };
-        let at = self.header + place * self.place;
-        let places = self.memory.get_mut(at..at + self.place).unwrap_or_default();
+        let at = self.address(place);
+        let places = self.memory.get_mut(at..at.saturating_add(self.place)).unwrap_or_default();
         if bytes.len() > places.len() {
             return Taken::Full;
         }
@@ -125,8 +130,8 @@ impl<'s> Blocks<'s> {
     /// The block that begins with this frame.
     pub fn block(&self, first_frame: u32) -> Option<&[u8]> {
         let waiting = self.waiting.iter().find(|waiting| waiting.header.first_frame == first_frame)?;
-        let at = self.header + waiting.place * self.place;
-        self.memory.get(at..at + BLOCK_HEADER_BYTES + usize::from(waiting.header.length))
+        let length = BLOCK_HEADER_BYTES.saturating_add(waiting.header.length.into());
+        self.memory.get(self.address(waiting.place)..)?.get(..length)
     }
 
     /// Drops all blocks that end before or at this frame.
@@ -148,7 +153,8 @@ impl<'s> Blocks<'s> {
 
     /// Blocks whose time has passed at this frame.
     pub fn passed(&self, position: u32) -> usize {
-        self.waiting.iter().filter(|waiting| waiting.end() <= position).count()
+        let passed = self.waiting.iter().filter(|waiting| waiting.end() <= position);
+        passed.fold(0, |count: usize, _| count.saturating_add(1))
     }
 
     /// The last entry point in these frames, both counted.

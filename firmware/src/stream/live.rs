@@ -184,7 +184,13 @@ impl<'s> Live<'s> {
     pub fn progress(&self) -> Progress {
         let State { frames, position, next, .. } = self.state.get();
         let (received, free, blocks) = self
-            .with(|blocks| (blocks.end_from(next), blocks.free() + blocks.passed(position), blocks.places()))
+            .with(|blocks| {
+                (
+                    blocks.end_from(next),
+                    blocks.free().saturating_add(blocks.passed(position)),
+                    blocks.places(),
+                )
+            })
             .unwrap_or_default();
         Progress { position, received, frames, free_blocks: free as u16, blocks: blocks as u16 }
     }
@@ -229,8 +235,10 @@ impl<'s> Live<'s> {
         let first = self.with(|blocks| {
             let first = blocks.first_entry()?;
             let end = blocks.end_from(first);
-            let ahead = u32::from(self.settings.ahead_millis) * u32::from(state.rate_centihertz) / 100_000;
-            let enough = end - first >= ahead.max(1) || end >= state.frames || blocks.free() == 0;
+            let ahead =
+                u32::from(self.settings.ahead_millis).saturating_mul(state.rate_centihertz.into()) / 100_000;
+            let enough =
+                end.saturating_sub(first) >= ahead.max(1) || end >= state.frames || blocks.free() == 0;
             enough.then(|| {
                 blocks.drop_until(first);
                 first
@@ -302,7 +310,7 @@ fn receive(
         let bytes =
             rest.first_chunk().ok_or(truncated(Field::BlockHeader, BLOCK_HEADER_BYTES, rest.len()))?;
         let header = BlockHeader::read_within(bytes, at, bounds, None)?;
-        let length = BLOCK_HEADER_BYTES + usize::from(header.length);
+        let length = BLOCK_HEADER_BYTES.saturating_add(header.length.into());
         let block = rest.get(..length).ok_or(truncated(Field::Payload, length, rest.len()))?;
         header.verify(block.get(BLOCK_HEADER_BYTES..).unwrap_or_default(), at)?;
         let end = header.first_frame.saturating_add(header.frames.into());
@@ -325,7 +333,7 @@ fn receive(
         } else if end > state.position {
             up(&mut counters.duplicates);
         }
-        at += length;
+        at = at.saturating_add(length);
     }
     Ok(())
 }
