@@ -1,10 +1,9 @@
 //! mclip: in place, streamed, after seeking and after losses, all is the same.
 
 use crate::{Random, vectors};
-use decoder_core::mclip::{
-    BLOCK_HEADER_BYTES, Clip, Decoder, Header, Memory, Needs, Prefix, Receiver, State, Stream, checksum,
-};
+use decoder_core::mclip::{BLOCK_HEADER_BYTES, Clip, Decoder, Header, Prefix, Receiver, Stream, checksum};
 use decoder_core::{Error, I16F16, Limits};
+use encoder::memory::OwnedMemory;
 
 /// More than any vector has.
 const LIMITS: Limits = Limits { channels: 300, frames: 20_000 };
@@ -48,8 +47,8 @@ fn check_as_it_is(bytes: &[u8]) -> bool {
             return false;
         }
     };
-    let mut lent = Lent::new(clip.header().needs());
-    let mut decoder = match clip.decoder(lent.memory()) {
+    let mut memory = OwnedMemory::new(clip.header().needs());
+    let mut decoder = match clip.decoder(memory.lend()) {
         Ok(decoder) => decoder,
         Err(error) => {
             assert_eq!(end, Err(error));
@@ -101,9 +100,9 @@ fn streamed(bytes: &[u8], random: &mut Random) -> (Vec<Frame>, Result<(), Error>
             }
         }
         let header = receiver.finish(LIMITS)?;
-        let mut lent = Lent::new(header.needs());
+        let mut memory = OwnedMemory::new(header.needs());
         let mut block = block_buffer(&header);
-        let mut stream = Stream::new(header, lent.memory(), &mut block)?;
+        let mut stream = Stream::new(header, memory.lend(), &mut block)?;
         loop {
             while let Some(pose) = stream.next_frame(&mut chunk)? {
                 frames.push(words(pose));
@@ -124,9 +123,9 @@ fn streamed(bytes: &[u8], random: &mut Random) -> (Vec<Frame>, Result<(), Error>
 fn with_losses(bytes: &[u8], frames: &[Frame], random: &mut Random) {
     let Ok(header) = Header::parse(bytes, LIMITS) else { return };
     let blocks = blocks(bytes);
-    let mut lent = Lent::new(header.needs());
+    let mut memory = OwnedMemory::new(header.needs());
     let mut block = block_buffer(&header);
-    let Ok(mut stream) = Stream::new(header, lent.memory(), &mut block) else { return };
+    let Ok(mut stream) = Stream::new(header, memory.lend(), &mut block) else { return };
     let mut at = blocks.first().copied().unwrap_or(bytes.len());
     for _ in 0..3 {
         let end = at + random.below(bytes.len() - at);
@@ -188,30 +187,6 @@ pub fn repair(bytes: &mut [u8]) {
         let Some((codes, after)) = after.split_at_mut_checked(length.into()) else { return };
         sum.copy_from_slice(&checksum(covered, codes).to_le_bytes());
         rest = after;
-    }
-}
-
-/// Memory for a decoder.
-struct Lent {
-    pose: Vec<I16F16>,
-    states: Vec<State>,
-    words: Vec<u32>,
-    halves: Vec<u16>,
-}
-
-impl Lent {
-    fn new(needs: Needs) -> Self {
-        Self {
-            pose: vec![I16F16::ZERO; needs.channels],
-            states: vec![State::EMPTY; needs.channels],
-            words: vec![0; needs.words],
-            halves: vec![0; needs.halves],
-        }
-    }
-
-    fn memory(&mut self) -> Memory<'_> {
-        let Self { pose, states, words, halves } = self;
-        Memory { pose, states, words, halves }
     }
 }
 

@@ -1,6 +1,6 @@
 //! What must hold for any text that is imported.
 
-use encoder::mclip::{self, Encoder, Quality, Settings};
+use encoder::mclip::{self, Encoder, Encoding, Quality};
 use encoder::qmd::{self, Method, Parameters};
 use mocap::import::ImportError;
 use mocap::kinematics::Kinematics;
@@ -39,7 +39,8 @@ pub fn check_motion(skeleton: &Skeleton, motion: &Motion, random: &mut Random) {
     let codec = CodecId::ALL[random.below(CodecId::ALL.len())];
     let bits = 1 + random.below(8) as u8;
     if let Ok(encoder) = Encoder::new(skeleton, motion) {
-        let bytes = encoder.encode(&Settings::new(codec), Quality::Bits(bits));
+        let encoded = encoder.encode(&Encoding::new(codec), Quality::Bits(bits));
+        let bytes = encoded.unwrap_or_else(|error| panic!("{codec:?}: {error}"));
         let decoded = mclip::decode(&bytes).unwrap_or_else(|error| panic!("{codec:?}: {error}"));
         assert_eq!(decoded.samples.len(), motion.samples.len(), "{codec:?}");
     }

@@ -2,12 +2,12 @@
 
 use crate::image::Image;
 use crate::profile::elf::Memory;
-use crate::servos::pins::PWM_PINS;
 use anyhow::{Result, anyhow, bail};
 use firmware::map::BusKind;
 use puppet_file::{Map, to_bytes};
 use serde::Serialize;
 use servo_wire::pwm::PwmTiming;
+use virtual_servos::hobby::PWM_PINS;
 
 /// QEMU's name of the board `qemu-mps2`.
 pub const QEMU_MACHINE: &str = "mps2-an386";

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use decoder_core::{I16F16, Limits, mclip, qmd};
-use encoder::mclip::Lent;
+use encoder::memory::OwnedMemory;
 use firmware::frames::Frames;
 use std::path::Path;
 
@@ -37,8 +37,8 @@ impl<'a> Clip<'a> {
 
     fn parse_mclip(bytes: &'a [u8]) -> Result<Self, decoder_core::Error> {
         let clip = mclip::Clip::parse(bytes, Limits::MAX)?;
-        let mut lent = Lent::new(clip.header().needs());
-        let mut decoder = clip.decoder(lent.memory())?;
+        let mut memory = OwnedMemory::new(clip.header().needs());
+        let mut decoder = clip.decoder(memory.lend())?;
         while decoder.next_frame()?.is_some() {}
         Ok(Self::Mclip(clip))
     }
@@ -71,7 +71,7 @@ impl<'a> Clip<'a> {
     pub fn lend(&self) -> Memory {
         match self {
             Self::Qmd(clip) => Memory::Qmd(vec![I16F16::ZERO; clip.channels()], vec![0; clip.table_len()]),
-            Self::Mclip(clip) => Memory::Mclip(Lent::new(clip.header().needs())),
+            Self::Mclip(clip) => Memory::Mclip(OwnedMemory::new(clip.header().needs())),
         }
     }
 
@@ -85,7 +85,7 @@ impl<'a> Clip<'a> {
     {
         match (self, memory) {
             (Self::Qmd(clip), Memory::Qmd(pose, table)) => Ok(Box::new(clip.decoder(pose, Some(table))?)),
-            (Self::Mclip(clip), Memory::Mclip(lent)) => Ok(Box::new(clip.decoder(lent.memory())?)),
+            (Self::Mclip(clip), Memory::Mclip(memory)) => Ok(Box::new(clip.decoder(memory.lend())?)),
             _ => bail!("the decoder's memory is of another kind of clip"),
         }
     }
@@ -104,14 +104,14 @@ pub enum Memory {
     /// Of a .qmd: its pose and its table.
     Qmd(Vec<I16F16>, Vec<i32>),
     /// Of a .mclip.
-    Mclip(Lent),
+    Mclip(OwnedMemory),
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use decoder_core::mclip::CodecId;
-    use encoder::mclip::{Encoder, Quality, Settings};
+    use encoder::mclip::{Encoder, Encoding, Quality};
     use encoder::qmd::{Method, Parameters};
 
     fn frames(clip: &Clip<'_>) -> Vec<Vec<I16F16>> {
@@ -129,7 +129,7 @@ mod tests {
     fn both_containers_are_known_by_what_they_hold() {
         let sample = mocap::sample::clip();
         let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
-        let mut mclip = encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Bits(8));
+        let mut mclip = encoder.encode(&Encoding::new(CodecId::Dpcm), Quality::Bits(8)).unwrap();
         let qmd = encoder::qmd::encode(&sample, Parameters::TABLE_1, Method::ClosedLoop).unwrap();
         for (bytes, in_blocks) in [(&mclip, true), (&qmd, false)] {
             let clip = Clip::parse(Path::new("clip"), bytes).unwrap();

@@ -4,7 +4,8 @@ use crate::clip::Clip;
 use crate::profile::{self, measure};
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::mclip::{CodecId, EntropyId};
-use encoder::mclip::{Encoded, Encoder, Predictor, Quality, Settings, Target, certify};
+use encoder::codec::CodecSettings;
+use encoder::mclip::{Encoded, Encoder, Encoding, Quality, Target, certify};
 use mocap::metrics::Evaluator;
 use std::path::Path;
 use std::str::FromStr;
@@ -47,54 +48,37 @@ pub enum Goal {
 /// A clip that was tried.
 #[derive(Clone, Debug)]
 pub struct TriedClip {
-    /// Its settings.
-    pub settings: Settings,
+    /// What it was encoded with.
+    pub encoding: Encoding,
     /// The clip.
     pub encoded: Encoded,
     /// Cycles of its most expensive frame, which its header has as well.
     pub cycles_max: u64,
 }
 
-/// Settings to try, for a codec and an entropy stage where these are given; every one has the other settings of `base`.
-pub fn candidates(base: &Settings, codec: Option<CodecId>, entropy: Option<EntropyId>) -> Vec<Settings> {
-    let codecs = codec.map_or(vec![CodecId::Pcm, CodecId::Dpcm, CodecId::Adpcm], |codec| vec![codec]);
+/// What to try, for a codec and an entropy stage where these are given; every one has the other settings of `base`. Where
+/// no codec is given, all are tried that can come to any error: those whose steps are free.
+pub fn candidates(base: &Encoding, codec: Option<CodecId>, entropy: Option<EntropyId>) -> Vec<Encoding> {
+    let free = || CodecId::ALL.into_iter().filter(|&codec| Encoding::new(codec).has_free_steps()).collect();
+    let codecs: Vec<CodecId> = codec.map_or_else(free, |codec| vec![codec]);
     let entropies = entropy.map_or(vec![EntropyId::Huffman, EntropyId::FixedWidth], |entropy| vec![entropy]);
     let mut all = Vec::new();
-    for codec in codecs {
-        let standard = Settings::new(codec);
-        let predictors = match codec {
-            CodecId::Dpcm => vec![Predictor::Last, Predictor::First, Predictor::Second],
-            _ if base.codec == codec => vec![base.predictor],
-            _ => vec![standard.predictor],
-        };
-        for predictor in predictors {
+    for id in codecs {
+        let settings = if base.codec.id() == id { base.codec } else { CodecSettings::new(id) };
+        for codec in settings.cheaper() {
             for &entropy in &entropies {
-                all.push(Settings {
-                    entropy: Some(entropy),
-                    predictor,
-                    block_bytes: base.block_bytes,
-                    entry_frames: base.entry_frames,
-                    adapt_step: base.adapt_step && base.codec == codec,
-                    ..standard
-                });
+                all.push(Encoding { codec, entropy: Some(entropy), ..*base });
             }
         }
     }
     all
 }
 
-/// A sentence's name for settings, for instance `dpcm, second order, huffman`.
-pub fn describe(settings: &Settings) -> String {
-    let predictor = match settings.predictor {
-        _ if settings.codec != CodecId::Dpcm && settings.codec != CodecId::Adpcm => "",
-        Predictor::Last => ", last value",
-        Predictor::First => ", first order",
-        Predictor::Second => ", second order",
-        Predictor::Adaptive { .. } => ", adaptive predictor",
-    };
-    let step = if settings.adapt_step { ", adaptive step" } else { "" };
-    let entropy = settings.entropy.map_or("smallest", EntropyId::name);
-    format!("{}{predictor}{step}, {entropy}", settings.codec.name())
+/// A sentence's name for an encoding, for instance `dpcm, second order, huffman`.
+pub fn describe(encoding: &Encoding) -> String {
+    let entropy = encoding.entropy.map_or("smallest", EntropyId::name);
+    let parts = [encoding.codec.id().name(), &encoding.codec.encoder().describe(), entropy];
+    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
 }
 
 /// The cores that the header of a .mclip can name, each at its number (docs/FORMAT.md, "Header").
@@ -121,21 +105,21 @@ pub fn header_core(number: u8) -> Option<Core> {
 pub fn best_clip(
     encoder: &Encoder<'_>,
     evaluator: &Evaluator,
-    candidates: &[Settings],
+    candidates: &[Encoding],
     goal: Goal,
     limit: Limit,
     progress: &mut dyn FnMut(String),
 ) -> Result<TriedClip> {
     let mut clips = Vec::new();
-    for settings in candidates {
-        progress(format!("encoding as {}", describe(settings)));
+    for encoding in candidates {
+        progress(format!("encoding as {}", describe(encoding)));
         let encoded = match goal {
-            Goal::Bits(bits) if bits > settings.most_bits() => continue,
-            Goal::Bits(bits) => encoder.measured(settings, Quality::Bits(bits), evaluator),
-            Goal::Target(target) => encoder.encode_to(settings, target, evaluator),
+            Goal::Bits(bits) if bits > encoding.most_bits() => continue,
+            Goal::Bits(bits) => encoder.measured(encoding, Quality::Bits(bits), evaluator)?,
+            Goal::Target(target) => encoder.encode_to(encoding, target, evaluator)?,
         };
         if reaches(encoder, &encoded, goal) {
-            clips.push((settings, encoded));
+            clips.push((encoding, encoded));
         }
     }
     let cost = |encoded: &Encoded| match goal {
@@ -144,11 +128,11 @@ pub fn best_clip(
     };
     clips.sort_by(|(_, one), (_, other)| cost(one).total_cmp(&cost(other)));
     let mut least: Option<TriedClip> = None;
-    for (settings, encoded) in clips {
-        progress(format!("counting cycles of {}", describe(settings)));
+    for (encoding, encoded) in clips {
+        progress(format!("counting cycles of {}", describe(encoding)));
         let (bytes, cycles_max) =
-            certified(&encoded.bytes, limit.core).with_context(|| describe(settings))?;
-        let tried = TriedClip { settings: *settings, encoded: Encoded { bytes, ..encoded }, cycles_max };
+            certified(&encoded.bytes, limit.core).with_context(|| describe(encoding))?;
+        let tried = TriedClip { encoding: *encoding, encoded: Encoded { bytes, ..encoded }, cycles_max };
         if cycles_max <= limit.cycles {
             return Ok(tried);
         }
@@ -161,7 +145,7 @@ pub fn best_clip(
         "the fewest cycles of a worst frame on {} are {}, with {} in {} bytes, above the limit of {}",
         limit.core.name(),
         least.cycles_max,
-        describe(&least.settings),
+        describe(&least.encoding),
         least.encoded.bytes.len(),
         limit.cycles
     )
@@ -197,6 +181,7 @@ fn worst_frame(bytes: &[u8], core: Core) -> Result<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use encoder::codec::adpcm::Adpcm;
 
     #[test]
     fn a_limit_names_a_core_or_not() {
@@ -210,17 +195,14 @@ mod tests {
 
     #[test]
     fn what_is_given_is_not_varied() {
-        let base = Settings {
-            entry_frames: 99,
-            block_bytes: 300,
-            adapt_step: true,
-            ..Settings::new(CodecId::Adpcm)
-        };
+        let base = Encoding { entry_frames: 99, block_bytes: 300, ..Encoding::of(Adpcm::BOTH) };
         let given = candidates(&base, Some(CodecId::Adpcm), Some(EntropyId::FixedWidth));
-        let expected = Settings { entropy: Some(EntropyId::FixedWidth), ..base };
+        let expected = Encoding { entropy: Some(EntropyId::FixedWidth), ..base };
         assert_eq!(given, [expected]);
-        let free = candidates(&Settings::new(CodecId::Dpcm), None, None);
+        let free = candidates(&Encoding::new(CodecId::Dpcm), None, None);
         assert_eq!(free.len(), 5 * 2);
         assert_eq!(describe(&free[0]), "pcm, huffman");
+        assert_eq!(describe(&free[3]), "dpcm, last value, fixed-width");
+        assert_eq!(describe(&given[0]), "adpcm, adaptive predictor, adaptive step, fixed-width");
     }
 }

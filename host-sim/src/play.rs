@@ -7,8 +7,6 @@ use crate::files;
 use crate::qemu;
 use crate::qemu_log::Log;
 use crate::rp2040js;
-use crate::servos::line::{Instantly, Line};
-use crate::servos::pins::Board;
 use anyhow::{Context, Result, anyhow, bail};
 use firmware::bus::BoardBuses;
 use firmware::control_loop::{Surroundings, control_loop};
@@ -24,12 +22,15 @@ use servo_wire::bus::ServoBus;
 use servo_wire::dynamixel::bus::DynamixelBus;
 use servo_wire::dynamixel::client::DynamixelClient;
 use servo_wire::port::{Automatic, LineConfig, Port};
+use servo_wire::pwm::PwmTiming;
 use std::cell::RefCell;
 use std::future::Future;
 use std::pin::pin;
 use std::task::{Context as TaskContext, Poll, Waker};
 use std::time::Duration;
 use thumb_cycles::{Core, Image, Machine, Usage};
+use virtual_servos::hobby::HobbyBoard;
+use virtual_servos::uart::{InProcessUart, ZeroDelay};
 
 mod recorder;
 mod recording;
@@ -73,7 +74,7 @@ pub(crate) fn on_the_spot<'m, L: Library, S: Surroundings<L, MAX_SERVOS>>(
     surroundings: &mut S,
 ) -> Result<Recorder<'m>> {
     let recorder = RefCell::new(recorder);
-    let (board, hear) = (Board::default(), |bytes: &[u8]| recorder.borrow_mut().receive(bytes));
+    let (board, hear) = (HobbyBoard::default(), |bytes: &[u8]| recorder.borrow_mut().receive(bytes));
     let mut bus = virtual_bus(puppet.map(), &board, hear)?;
     let end_tick = || recorder.borrow_mut().end_tick(&board.pins());
     now(control_loop(puppet, &mut bus, &mut Noting { surroundings, end_tick }))?;
@@ -84,19 +85,24 @@ pub(crate) fn on_the_spot<'m, L: Library, S: Surroundings<L, MAX_SERVOS>>(
 /// The buses of a puppet in this program: Dynamixel X behind a line that `hear` answers, and hobby servos on a board's pins.
 pub fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
     map: &Map,
-    board: &Board,
+    board: &HobbyBoard,
     hear: F,
 ) -> Result<impl ServoBus + use<F>> {
     let of = |kind: BusKind| map.buses().iter().find(|bus| bus.kind == kind);
     let baud = of(BusKind::Dynamixel).map_or(1, |bus| bus.baud);
-    let port = Port::new(Line::new(hear), Automatic, Instantly, LineConfig::uart(baud));
+    let port = Port::new(InProcessUart::new(hear), Automatic, ZeroDelay, LineConfig::uart(baud));
     let serial = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
     let buses = BoardBuses {
         serial: Some((BusKind::Dynamixel, serial)),
         pca9685: Some(board.pca9685()?),
-        pwm: of(BusKind::Pwm).map(|spec| board.pwm(*spec)).transpose()?,
+        pwm: of(BusKind::Pwm).map(|spec| pwm_timing(spec.baud)).transpose()?.map(|timing| board.pwm(timing)),
     };
     Ok(buses.of_map(map)?)
+}
+
+/// The timing of pins that give so many pulses a second.
+fn pwm_timing(hz: u32) -> Result<PwmTiming> {
+    PwmTiming::of(hz).with_context(|| format!("PWM cannot give {hz} pulses a second, expected 40 to 400"))
 }
 
 /// Surroundings, and somebody who looks at the end of each tick.

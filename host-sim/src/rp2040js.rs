@@ -3,13 +3,13 @@
 //! What rp2040js lacks is written at the top of rp2040js.mjs, which runs in Node.js.
 
 use crate::qemu_log::Log;
-use crate::servos::pins::Pins;
 use anyhow::{Context, Result, anyhow, bail};
 use std::io::{ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 use thumb_cycles::{Board, Image, Memory};
+use virtual_servos::hobby::Pins;
 
 /// What Node.js runs.
 const SCRIPT: &str = include_str!("rp2040js.mjs");

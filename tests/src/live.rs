@@ -1,15 +1,16 @@
 //! Recorded motion as a sender of a live stream has it, and clips as a board has them.
 
-use crate::motion;
+use crate::{skip, trials};
 use decoder_core::mclip::{self, CodecId, Prefix};
 use decoder_core::{I16F16, Limits};
-use encoder::mclip::{self as encoders, Encoder, Lent, Quality};
+use encoder::mclip::{Encoder, Encoding, Quality};
+use encoder::memory::OwnedMemory;
 use firmware::clips::{Clips, DecoderMemory, Mailbox, Worker, decode};
 use firmware::store::Store;
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use host_sim::flash::Flash;
 use mocap::Skeleton;
-use std::path::Path;
+use std::path::PathBuf;
 use std::pin::pin;
 
 /// Channels of a board's clips at most.
@@ -81,29 +82,29 @@ impl Clip {
     }
 }
 
-/// The first `most` of the recorded clips, as dpcm with so many entry points a second; `None` where there are none.
+/// The first `most` of the recorded clips, as dpcm with so many entry points a second; `None` where there are not so many,
+/// or, for `usize::MAX`, none.
 ///
 /// # Panics
 /// Where one cannot be read.
 pub fn clips(most: usize, entries: f64) -> Option<Vec<Clip>> {
-    let folder = motion()?.join("cmu");
-    let files = std::fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
-    let mut names: Vec<_> = files.flatten().map(|file| file.path()).collect();
-    names.retain(|path| path.extension().is_some_and(|extension| extension == "amc"));
-    names.sort();
-    Some(names.iter().take(most).map(|path| clip(path, entries)).collect())
+    let trials = trials()?;
+    if most != usize::MAX && trials.len() < most {
+        skip(&format!("found {} recorded trials, expected {most} (set BUNRAKU_MOTION)", trials.len()));
+        return None;
+    }
+    Some(trials.iter().take(most).map(|trial| clip(trial, entries)).collect())
 }
 
-fn clip(path: &Path, entries: f64) -> Clip {
+fn clip((path, skeleton): &(PathBuf, PathBuf), entries: f64) -> Clip {
     let name = path.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let skeleton = path.with_file_name(format!("{}.asf", name.split('_').next().unwrap_or_default()));
-    let loaded = mocap::import::load(path, Some(&skeleton), None);
+    let loaded = mocap::import::load(path, Some(skeleton), None);
     let loaded = loaded.unwrap_or_else(|error| panic!("{error}"));
     let encoder = Encoder::new(&loaded.skeleton, &loaded.motion).unwrap_or_else(|error| panic!("{error}"));
     let entry_frames = (loaded.motion.fps / entries).round() as usize;
-    let settings =
-        encoders::Settings { entry_frames, block_bytes: 400, ..encoders::Settings::new(CodecId::Dpcm) };
-    let bytes = encoder.encode(&settings, Quality::Step(0.25));
+    let encoding = Encoding { entry_frames, block_bytes: 400, ..Encoding::new(CodecId::Dpcm) };
+    let encoded = encoder.encode(&encoding, Quality::Step(0.25));
+    let bytes = encoded.unwrap_or_else(|error| panic!("{name}: {error}"));
     let (frames, rate_centihertz) = decoded(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
     let (header, mut rest) = bytes.split_at(Prefix::read(&bytes).map_or(0, |prefix| prefix.header_bytes));
     let mut blocks = vec![];
@@ -117,8 +118,8 @@ fn clip(path: &Path, entries: f64) -> Clip {
 
 fn decoded(bytes: &[u8]) -> Result<(Vec<Vec<I16F16>>, u16), decoder_core::Error> {
     let clip = mclip::Clip::parse(bytes, Limits::MAX)?;
-    let mut lent = Lent::new(clip.header().needs());
-    let mut decoder = clip.decoder(lent.memory())?;
+    let mut memory = OwnedMemory::new(clip.header().needs());
+    let mut decoder = clip.decoder(memory.lend())?;
     let mut frames = vec![];
     while let Some(frame) = decoder.next_frame()? {
         frames.push(frame.to_vec());

@@ -3,7 +3,8 @@
 use crate::vectors::{LIMITS, Vector, hex, listed};
 use decoder_core::mclip::{Clip, CodecId, Receiver, Stream};
 use decoder_core::{Error, Limits};
-use encoder::mclip::{Encoder, Lent, Quality, Settings};
+use encoder::mclip::{Encoder, Encoding, Quality};
+use encoder::memory::OwnedMemory;
 use mocap::sample;
 use sha2::{Digest, Sha256};
 
@@ -28,7 +29,8 @@ pub fn with_sample() -> Vec<Vector> {
     let clip = sample::clip();
     let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap_or_else(|error| panic!("{error}"));
     for codec in CodecId::ALL {
-        let bytes = encoder.encode(&Settings::new(codec), Quality::Bits(5));
+        let encoded = encoder.encode(&Encoding::new(codec), Quality::Bits(5));
+        let bytes = encoded.unwrap_or_else(|error| panic!("{codec:?}: {error}"));
         let sha256 = sha256_in_place(&bytes).unwrap_or_else(|error| panic!("{codec:?}: {error}"));
         vectors.push(Vector { name: format!("sample-{}.mclip", codec.name()), bytes, sha256 });
     }
@@ -44,8 +46,8 @@ pub const MCLIP_LIMITS: Limits = Limits { frames: 20_000, ..LIMITS };
 /// Where the clip, or a block of it, is refused.
 pub fn sha256_in_place(bytes: &[u8]) -> Result<String, Error> {
     let clip = Clip::parse(bytes, MCLIP_LIMITS)?;
-    let mut lent = Lent::new(clip.header().needs());
-    let mut decoder = clip.decoder(lent.memory())?;
+    let mut memory = OwnedMemory::new(clip.header().needs());
+    let mut decoder = clip.decoder(memory.lend())?;
     let mut sha = Sha256::new();
     while let Some(pose) = decoder.next_frame()? {
         pose.iter().for_each(|value| sha.update(value.to_bits().to_le_bytes()));
@@ -69,9 +71,9 @@ pub fn sha256_of_stream(bytes: &[u8], size: usize) -> Result<String, Error> {
         }
     }
     let header = receiver.finish(MCLIP_LIMITS)?;
-    let mut lent = Lent::new(header.needs());
+    let mut memory = OwnedMemory::new(header.needs());
     let mut block = vec![0; usize::from(header.opening().block_bytes).max(12)];
-    let mut stream = Stream::new(header, lent.memory(), &mut block)?;
+    let mut stream = Stream::new(header, memory.lend(), &mut block)?;
     let mut sha = Sha256::new();
     loop {
         while let Some(pose) = stream.next_frame(&mut chunk)? {

@@ -1,14 +1,139 @@
-//! `bunraku follow`: live frames of the Blender add-on move virtual servos behind a pseudo terminal.
+//! Live frames of the Blender add-on move virtual servos: in simulated time, and by `bunraku follow` in real time.
 #![allow(clippy::unwrap_used)]
 #![cfg(unix)]
 
+use bunraku_tests::clock::SimulatedClock;
 use bunraku_tests::{bunraku, workspace};
+use host_sim::play::virtual_bus;
+use host_sim::ports::{self, Clock};
+use puppet_file::Puppet;
+use std::cell::{Cell, RefCell};
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
+use std::sync::atomic::AtomicUsize;
+use std::sync::mpsc::channel;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+use virtual_servos::config::ServoConfig;
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::hobby::HobbyBoard;
+use virtual_servos::virtual_bus::{Event, VirtualBus};
+
+/// The servo that is moved, and how far it goes.
+const HEAD: u8 = 2;
+const ENDS: [u16; 2] = [1300, 2800];
+
+/// How long frames jump from end to end, from the moment on in which the player is open for them.
+const JUMPING: Duration = Duration::from_secs(6);
+
+/// What comes while the player is not open yet: half a frame.
+const NOISE: [u8; 4] = *b"<<\x02>";
+
+/// The states that a player goes through to its end, but for the short one in which it brakes.
+const STATES: [&str; 7] = ["Finding", "Reading", "Arming", "Opening", "Easing", "Playing", "Holding"];
+
+fn puppet() -> PathBuf {
+    workspace().join("puppets/sample.toml")
+}
+
+/// As the add-on sends it.
+fn frame(id: u8, position: u16) -> [u8; 5] {
+    let [high, low] = position.to_be_bytes();
+    [b'<', id, high, low, b'>']
+}
+
+/// What is sent so long after the player was open: half a frame, bytes that are none, a frame for somebody else, and one of a
+/// servo that goes to the other end every second.
+fn sent(since: Duration) -> Vec<u8> {
+    let end = ENDS[usize::from(since.as_secs() % 2 == 1)];
+    [&frame(HEAD, end)[..3], b"\x00\x01", &frame(200, 7), &frame(HEAD, end)].concat()
+}
+
+/// Nowhere does the servo go faster, or gain more speed, than it may.
+fn within_limits(told: &[i32]) {
+    // From where it is; 450 degrees a second, reached in 50 ms, at 50 Hz: 102.4 goal units a tick, and 41 more or fewer than
+    // before.
+    assert_eq!(told[0], 2048);
+    for three in told.windows(3) {
+        let (before, after) = (three[1] - three[0], three[2] - three[1]);
+        assert!(after.abs() <= 103 && (after - before).abs() <= 42, "{three:?}");
+    }
+}
+
+/// What a player came to.
+struct Followed {
+    /// The goals of the servo.
+    told: Vec<i32>,
+    states: Vec<String>,
+    /// Why it ended.
+    error: String,
+}
+
+/// Follows in simulated time, in which the machine is too late by `late` in each tick from the first frame on.
+fn follow(late: Duration) -> Followed {
+    let puppet = Puppet::read(&puppet()).unwrap();
+    let map = puppet.map(puppet.channels().unwrap()).unwrap();
+    let joints = map.joints().iter();
+    let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
+    let mut servos =
+        DynamixelServos::new(&DynamixelConfig { servos: servos.collect(), ..DynamixelConfig::with_ids(&[]) })
+            .unwrap();
+    let (sender, receiver) = channel();
+    let (states, told, open) = (RefCell::new(Vec::new()), RefCell::new(Vec::new()), Cell::new(None));
+    let clock = SimulatedClock::new(|now| {
+        if open.get().is_none() && states.borrow().iter().any(|state| state == "Opening") {
+            open.set(Some(now));
+        }
+        let bytes = match open.get() {
+            None => NOISE.to_vec(),
+            Some(open) if now - open < JUMPING => sent(now - open),
+            Some(_) => return,
+        };
+        sender.send(bytes).unwrap();
+    });
+    let hear = |bytes: &[u8]| {
+        servos.receive(bytes, clock.now().as_micros() as u64, &mut |event| {
+            if let Event::Goal { id: HEAD, position, .. } = event {
+                told.borrow_mut().push(position);
+            }
+        })
+    };
+    let bus = virtual_bus(&map, &HobbyBoard::default(), hear).unwrap();
+    let mut say = |state: &str| {
+        if state == "Playing" {
+            clock.wake_late(late);
+        }
+        states.borrow_mut().push(state.to_owned());
+    };
+    let ended = ports::follow(&receiver, 1500, &map, bus, &clock, &AtomicUsize::new(0), &mut say);
+    let error = format!("{:#}", ended.unwrap_err());
+    Followed { told: told.take(), states: states.take(), error }
+}
+
+#[test]
+fn frames_that_jump_do_not_move_servos_faster_than_they_may_and_silence_holds() {
+    let Followed { told, states, error } = follow(Duration::ZERO);
+    assert!(error.contains("the link is lost"), "{error}");
+    assert!(states.iter().filter(|state| *state != "Stopping").eq(&STATES), "{states:?}");
+    within_limits(&told);
+    // It came to both ends, and is held where it was sent last.
+    for end in ENDS {
+        assert!(told.contains(&i32::from(end)), "{told:?}");
+    }
+    assert!(told.iter().rev().take(10).all(|&goal| goal == i32::from(ENDS[1])), "{told:?}");
+}
+
+/// Ticks are 20 ms apart, so a machine that is 15 ms late is in time, and one that is 25 ms late is not.
+#[test]
+fn a_machine_that_is_too_slow_is_a_fault_and_one_that_is_just_fast_enough_is_none() {
+    assert!(follow(Duration::from_millis(15)).error.contains("the link is lost"));
+    let Followed { told, states, error } = follow(Duration::from_millis(25));
+    assert!(error.contains("ticks come too late"), "{error}");
+    assert!(states.iter().filter(|state| *state != "Stopping").eq(&STATES), "{states:?}");
+    within_limits(&told);
+}
 
 /// A process that does not outlive the test, and the first line that it prints.
 struct Process(Child, String);
@@ -30,69 +155,53 @@ impl Drop for Process {
     }
 }
 
-/// As the add-on sends it.
-fn frame(id: u8, position: u16) -> [u8; 5] {
-    let [high, low] = position.to_be_bytes();
-    [b'<', id, high, low, b'>']
-}
-
-/// The servo that is moved, and how far it goes.
-const HEAD: u8 = 2;
-const ENDS: [u16; 2] = [1300, 2800];
-
-/// Follows jumps from end to end among noise, and then nothing more: what the servo was told, and what was said.
-fn follow(folder: &Path) -> (Vec<i32>, Option<i32>, String) {
-    let (log, puppet) = (folder.join("told.csv"), workspace().join("puppets/sample.toml"));
-    let [log, puppet] = [&log, &puppet].map(|path| path.to_str().unwrap());
-    let servos = Process::start(&["servos", "--config", puppet, "--log", log]);
-    let arguments = ["follow", "--puppet", puppet, "--from", "pty", "--lost", "1.5"];
-    let mut player = Process::start(&[&arguments[..], &["--on", &servos.1]].concat());
+/// The commands on pseudo terminals, by this machine's clock. A machine that is busy may be too late, which the player must say;
+/// nothing else may go wrong then.
+#[test]
+fn real_time_is_followed_or_is_said_to_be_too_fast() {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, puppet) = (folder.path().join("told.csv"), puppet());
+    let text = |path: &Path| path.to_str().unwrap().to_owned();
+    let servos = Process::start(&["servos", "--config", &text(&puppet), "--log", &text(&log)]);
+    let arguments =
+        ["follow", "--puppet", &text(&puppet), "--from", "pty", "--lost", "1.5", "--on", &servos.1];
+    let mut player = Process::start(&arguments);
     let mut line = File::options().write(true).open(&player.1).unwrap();
     let mut said = BufReader::new(player.0.stderr.take().unwrap());
     let mut text = String::new();
-    // It waits for somebody to send, whatever noise there is, and goes to the first pose.
     while !text.ends_with("Opening\n") && said.read_line(&mut text).unwrap() > 0 {
-        line.write_all(b"<<\x02>").unwrap();
+        line.write_all(&NOISE).unwrap();
     }
-    let easing = Instant::now();
-    while easing.elapsed() < Duration::from_secs(6) {
-        let end = ENDS[usize::from(easing.elapsed().as_millis() / 1000 % 2 == 1)];
-        // Half a frame and bytes that are none, and a frame for somebody else, in between.
-        let noise = [&frame(HEAD, end)[..3], b"\x00\x01", &frame(200, 7)].concat();
-        // A player that has found its machine too slow is gone.
-        if line.write_all(&[&noise[..], &frame(HEAD, end)].concat()).is_err() {
-            break;
-        }
+    let (open, mut frames, mut longest) = (Instant::now(), 0, Duration::ZERO);
+    let mut last = open;
+    // A player that has found its machine too slow is gone.
+    while open.elapsed() < JUMPING && line.write_all(&sent(open.elapsed())).is_ok() {
+        frames += 1;
+        longest = longest.max(last.elapsed());
+        last = Instant::now();
         sleep(Duration::from_millis(10));
     }
     said.read_to_string(&mut text).unwrap();
-    let code = player.0.wait().unwrap().code();
+    assert_eq!(player.0.wait().unwrap().code(), Some(1), "{text}");
+    let late = ["ticks come too late", "did not answer in time"].iter().any(|why| text.contains(why));
+    println!(
+        "measured: {frames} frames sent in {:.2} s, at most {longest:?} apart; the machine was {}",
+        open.elapsed().as_secs_f64(),
+        if late { "too late" } else { "in time" }
+    );
+    let states = text.lines().filter(|line| !line.contains(' ') && *line != "Stopping");
+    if late {
+        assert!(
+            states.zip(STATES).all(|(state, expected)| state == expected || state == "Holding"),
+            "{text}"
+        );
+    } else {
+        assert!(text.contains("the link is lost") && states.eq(STATES), "{text}");
+    }
     let told = fs::read_to_string(log).unwrap();
     let goals = told.lines().filter_map(|line| line.split_once(&format!(",bus,{HEAD},"))?.1.parse().ok());
-    (goals.collect(), code, text)
-}
-
-#[test]
-fn frames_that_jump_do_not_move_servos_faster_than_they_may_and_silence_holds() {
-    // A machine that is busy with other tests may be too late, which a player must not bear.
-    let (told, code, text) = (0..5)
-        .map(|_| follow(tempfile::tempdir().unwrap().path()))
-        .find(|(.., text)| !text.contains("in time") && !text.contains("too late"))
-        .expect("the machine is in time once");
-    assert_eq!(code, Some(1), "{text}");
-    assert!(text.contains("the link is lost"), "{text}");
-    let states: Vec<&str> = text.lines().filter(|line| !line.contains(' ')).collect();
-    let expected = ["Finding", "Reading", "Arming", "Opening", "Easing", "Playing", "Holding"];
-    assert!(states.iter().filter(|state| **state != "Stopping").eq(&expected), "{text}");
-    // From where it is; 450 degrees a second, reached in 50 ms, at 50 Hz: 102.4 goal units a tick, and 41 more or fewer than before.
-    assert_eq!(told[0], 2048);
-    for three in told.windows(3) {
-        let (before, after) = (three[1] - three[0], three[2] - three[1]);
-        assert!(after.abs() <= 103 && (after - before).abs() <= 42, "{three:?}");
+    let goals: Vec<i32> = goals.collect();
+    if !goals.is_empty() {
+        within_limits(&goals);
     }
-    // It came to both ends, and is held where it was sent last.
-    for end in ENDS {
-        assert!(told.contains(&i32::from(end)), "{told:?}");
-    }
-    assert!(told.iter().rev().take(10).all(|&goal| goal == i32::from(ENDS[1])), "{told:?}");
 }

@@ -3,31 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use bunraku_tests::{motion, python, workspace};
+use bunraku_tests::{motion, python, trials, workspace};
 use mocap::Clip;
 use mocap::import::{self, bvh};
 use mocap::kinematics::Kinematics;
 use mocap::{Skeleton, export, sample};
 
 const ALLOWED: f64 = 1e-3;
-
-/// The CMU trials of a folder: motion and skeleton.
-fn trials(folder: &Path) -> Vec<(PathBuf, PathBuf)> {
-    let cmu = folder.join("cmu");
-    let entries = std::fs::read_dir(&cmu).expect("a folder of CMU trials");
-    let mut trials: Vec<_> = entries
-        .map(|entry| entry.expect("a readable folder").path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "amc"))
-        .map(|path| {
-            let name = path.file_stem().and_then(|name| name.to_str()).expect("a trial's name").to_string();
-            let (subject, _) = name.split_once('_').expect("subject_trial.amc");
-            (path, cmu.join(format!("{subject}.asf")))
-        })
-        .collect();
-    trials.sort();
-    assert!(trials.len() >= 6, "{} trials in {}", trials.len(), cmu.display());
-    trials
-}
 
 fn load((path, skeleton): &(PathBuf, PathBuf)) -> Clip {
     import::load(path, Some(skeleton), None).unwrap_or_else(|error| panic!("{error}"))
@@ -51,11 +33,19 @@ fn raise(largest: &mut f64, value: f64) {
 
 #[test]
 fn trials_have_their_known_sizes() {
-    let Some(folder) = motion() else { return };
+    let Some(trials) = trials() else { return };
     // Table 1 of the QMD paper has the numbers of frames of its motions.
-    let known =
-        [("16_46", 136), ("49_04", 251), ("02_02", 298), ("02_01", 343), ("05_03", 434), ("02_07", 2251)];
-    for trial in trials(&folder) {
+    let known = [
+        ("16_46", 136),
+        ("49_04", 251),
+        ("02_02", 298),
+        ("02_01", 343),
+        ("05_03", 434),
+        ("02_07", 2251),
+        // The one that `cargo xtask setup` fetches.
+        ("01_01", 2751),
+    ];
+    for trial in trials {
         let clip = load(&trial);
         let name = trial.0.file_stem().and_then(|name| name.to_str()).expect("a name");
         assert_eq!((clip.skeleton.joints.len(), clip.motion.channels), (31, 62), "{name}");
@@ -75,8 +65,8 @@ fn trials_have_their_known_sizes() {
 
 #[test]
 fn amc_files_come_back_digit_by_digit() {
-    let Some(folder) = motion() else { return };
-    for trial in trials(&folder) {
+    let Some(trials) = trials() else { return };
+    for trial in trials {
         let clip = load(&trial);
         let mut out = Vec::new();
         export::amc::write(&mut out, &clip.skeleton, &clip.motion, export::amc::Rotations::AsTheyAre)
@@ -250,9 +240,9 @@ impl Peer {
 
 #[test]
 fn amc_matches_pyacclaim() {
-    let Some(folder) = motion() else { return };
+    let Some(trials) = trials() else { return };
     let (mut all_values, mut all_cm): (f64, f64) = (0.0, 0.0);
-    for trial in trials(&folder) {
+    for trial in trials {
         let clip = load(&trial);
         let stride = clip.motion.frames() / 100 + 1;
         let Some(peer) = Peer::run("import_pyacclaim.py", &[&trial.1, &trial.0], stride) else { return };

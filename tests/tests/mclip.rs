@@ -7,7 +7,7 @@ use bunraku_tests::mclip::{LIST, MCLIP_LIMITS, all, sha256_in_place, sha256_of_s
 use bunraku_tests::{skip, vectors, workspace};
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, Clip, Prefix, Receiver, Stream};
 use decoder_core::{Error, Field};
-use encoder::mclip::Lent;
+use encoder::memory::OwnedMemory;
 use std::process::Command;
 
 #[test]
@@ -112,13 +112,13 @@ fn blocks() -> (Vec<u8>, Vec<usize>) {
 fn a_damaged_block_does_not_harm_the_next_entry_point() {
     let (sound, blocks) = blocks();
     let clip = Clip::parse(&sound, MCLIP_LIMITS).unwrap();
-    let mut lent = Lent::new(clip.header().needs());
-    let last = clip.decoder(lent.memory()).unwrap().seek(23).unwrap().unwrap().to_vec();
+    let mut memory = OwnedMemory::new(clip.header().needs());
+    let last = clip.decoder(memory.lend()).unwrap().seek(23).unwrap().unwrap().to_vec();
 
     let mut damaged = sound.clone();
     damaged[blocks[0] + BLOCK_HEADER_BYTES] ^= 1;
     let clip = Clip::parse(&damaged, MCLIP_LIMITS).unwrap();
-    let mut decoder = clip.decoder(lent.memory()).unwrap();
+    let mut decoder = clip.decoder(memory.lend()).unwrap();
     let error = decoder.next_frame().unwrap_err();
     assert!(matches!(error, Error::Checksum { field: Field::Payload, at, .. } if at == blocks[0]), "{error}");
     assert_eq!(decoder.next_frame(), Err(error), "it is repeated");
@@ -130,8 +130,8 @@ fn a_damaged_block_does_not_harm_the_next_entry_point() {
 fn a_stream_goes_on_at_the_next_entry_point_after_a_loss() {
     let (sound, blocks) = blocks();
     let clip = Clip::parse(&sound, MCLIP_LIMITS).unwrap();
-    let mut lent = Lent::new(clip.header().needs());
-    let last = clip.decoder(lent.memory()).unwrap().seek(23).unwrap().unwrap().to_vec();
+    let mut memory = OwnedMemory::new(clip.header().needs());
+    let last = clip.decoder(memory.lend()).unwrap().seek(23).unwrap().unwrap().to_vec();
 
     let mut buffer = vec![0; sound.len()];
     let mut receiver = Receiver::new(&mut buffer);
@@ -139,7 +139,7 @@ fn a_stream_goes_on_at_the_next_entry_point_after_a_loss() {
     assert!(receiver.receive(&mut chunk).unwrap());
     let header = receiver.finish(MCLIP_LIMITS).unwrap();
     let mut block = vec![0; usize::from(header.opening().block_bytes)];
-    let mut stream = Stream::new(header, lent.memory(), &mut block).unwrap();
+    let mut stream = Stream::new(header, memory.lend(), &mut block).unwrap();
     // The first block is lost on the way; the second one is no entry point.
     let mut rest = &sound[blocks[1]..];
     assert!(stream.next_frame(&mut rest).is_err());
@@ -162,8 +162,8 @@ fn memory_that_is_too_small_is_told_with_the_size_that_is_needed() {
         let clip = Clip::parse(&vector.bytes, MCLIP_LIMITS).unwrap();
         let mut needs = clip.header().needs();
         needs.channels -= 1;
-        let mut lent = Lent::new(needs);
-        let error = clip.decoder(lent.memory()).unwrap_err();
+        let mut memory = OwnedMemory::new(needs);
+        let error = clip.decoder(memory.lend()).unwrap_err();
         let needed = needs.channels + 1;
         let lent = needs.channels;
         assert_eq!(error, Error::OutputTooSmall { field: Field::Pose, needed, lent });

@@ -1,7 +1,7 @@
 //! decoder-core, linked whole for Cortex-M, has no panic, no float and no allocation in it.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{cargo, require_target};
+use bunraku_tests::{budgets, cargo, require_target};
 use object::{Object, ObjectSymbol, SymbolKind};
 
 /// Parts of symbol names that must not be in the image.
@@ -40,7 +40,7 @@ fn check(target: &str) {
     let (code, found) = image(target, &[]);
     assert!(found.is_empty(), "{target}: {found:?}");
     assert!(code > FLOOR, "{target}: only {code} bytes of code");
-    println!("{target}: {code} bytes of code");
+    budgets::check(&[(format!("decoder-core, whole and checked: {target}, bytes of code"), code as f64)]);
     let (_, found) = image(target, &["planted"]);
     assert!(
         found.iter().any(|name| name.contains("9panicking")),

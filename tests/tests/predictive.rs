@@ -1,25 +1,17 @@
 //! The document's predictive methods (sections 7.2 to 7.6) on real motion, as a user reproduces them.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{bunraku, motion};
-use decoder_core::mclip::CodecId;
-use encoder::mclip::train::{Search, jayant, scores, train, trained};
-use encoder::mclip::{Encoder, Settings};
+use bunraku_tests::{bunraku, motion, trials};
+use encoder::codec::adpcm::{Adpcm, StepAdaptation};
+use encoder::mclip::Encoder;
+use encoder::train::{Search, jayant, scores, train};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-
-fn amcs(folder: &Path) -> Vec<PathBuf> {
-    let files = std::fs::read_dir(folder.join("cmu")).unwrap().map(|entry| entry.unwrap().path());
-    let mut amcs: Vec<PathBuf> =
-        files.filter(|path| path.extension().is_some_and(|extension| extension == "amc")).collect();
-    amcs.sort();
-    amcs
-}
+use std::path::PathBuf;
 
 #[test]
 fn adaptive_prediction_with_huffman_is_five_to_one_at_30_db_on_every_clip() {
-    let Some(folder) = motion() else { return };
-    let clips = amcs(&folder);
+    let Some(trials) = trials() else { return };
+    let clips: Vec<PathBuf> = trials.into_iter().map(|(motion, _)| motion).collect();
     let output = bunraku().arg("rd").args(&clips).args(["--fps", "30", "--psnr", "30", "--json"]).output();
     let output = output.unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -66,11 +58,10 @@ fn trained_multipliers_beat_jayants_on_clips_held_out() {
         .collect();
     let encoders: Vec<Encoder> =
         clips.iter().map(|clip| Encoder::new(&clip.skeleton, &clip.motion).unwrap()).collect();
-    let settings = Settings { adapt_step: true, ..Settings::new(CodecId::Adpcm) };
     let mut saved = 0.0;
     for bits in 2..=6 {
-        let [ours, his] = [trained(bits), jayant(bits)].map(|steps| {
-            let scores = scores(&encoders, &settings, bits, steps);
+        let [ours, his] = [StepAdaptation::trained(bits), jayant(bits)].map(|steps| {
+            let scores = scores(&encoders, Adpcm::BOTH, bits, steps).unwrap();
             scores.iter().map(|score| score.rms_cm.log2()).sum::<f64>() / scores.len() as f64
         });
         println!("{bits} bits: error 2^{ours:.3} cm, with Jayant's multipliers 2^{his:.3}");
@@ -78,7 +69,8 @@ fn trained_multipliers_beat_jayants_on_clips_held_out() {
     }
     assert!(saved > 0.05, "{saved} bits");
     // And a table for one motion is better on it than any other.
-    let own = train(&encoders[2..], &settings, 4, Search::All);
-    let [own, his] = [own, jayant(4)].map(|steps| scores(&encoders[2..], &settings, 4, steps)[0].rms_cm);
+    let own = train(&encoders[2..], Adpcm::BOTH, 4, Search::All).unwrap();
+    let [own, his] =
+        [own, jayant(4)].map(|steps| scores(&encoders[2..], Adpcm::BOTH, 4, steps).unwrap()[0].rms_cm);
     assert!(own < his, "{own} {his}");
 }

@@ -1,14 +1,14 @@
 //! `bunraku profile`: budgets, the committed baseline, and how fast QMD is to be.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{bunraku, motion, require_target, workspace};
+use bunraku_tests::{budgets, bunraku, motion, require_target, workspace};
 use decoder_core::{I16F16, Limits, mclip};
 use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, MAX_SERVOS, Settings, bytes_len};
 use host_sim::clip::Clip;
 use host_sim::profile::measure::Runner;
 use host_sim::profile::{tick_images, ticks};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Output;
 use thumb_cycles::Core;
 
@@ -16,10 +16,6 @@ use thumb_cycles::Core;
 const CORES: &str = "cortex-m0plus,cortex-m3,cortex-m4,cortex-m33";
 const TARGETS: [&str; 4] =
     ["thumbv6m-none-eabi", "thumbv7m-none-eabi", "thumbv7em-none-eabi", "thumbv8m.main-none-eabi"];
-
-fn baseline() -> PathBuf {
-    workspace().join("bench/baseline.json")
-}
 
 fn profile(arguments: &[&str]) -> Output {
     bunraku().arg("profile").args(arguments).output().unwrap()
@@ -60,30 +56,48 @@ fn clip(path: &Path, frames: u32, channels: u16, fdf: u16) {
 }
 
 #[test]
-fn qmd_is_as_fast_as_the_baseline_on_every_core() {
+fn qmd_is_as_fast_and_as_small_as_it_was_on_every_core() {
     if !TARGETS.iter().all(|target| require_target(target)) {
         return;
     }
-    let output = profile(&["--core", CORES, "--baseline", baseline().to_str().unwrap()]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let output = profile(&["--core", CORES, "--json"]);
+    assert!(output.status.success(), "{}", said(&output));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let cores = report["cores"].as_array().unwrap();
+    assert_eq!(cores.len(), TARGETS.len());
+    let mut measured = Vec::new();
+    for core in cores {
+        for (key, what) in [
+            ("cycles_mean", "mean cycles of a frame"),
+            ("cycles_max", "worst cycles of a frame"),
+            ("cycles_open", "cycles to open"),
+            ("code_bytes", "bytes of code"),
+            ("ram_bytes", "bytes of static RAM"),
+            ("stack_bytes", "bytes of stack"),
+        ] {
+            let name = core["core"].as_str().unwrap();
+            measured.push((format!("qmd, embedded sample: {name}, {what}"), core[key].as_f64().unwrap()));
+        }
+    }
+    budgets::check(&measured);
 }
 
 #[test]
 fn a_slowdown_of_5_percent_is_found_by_the_baseline_and_one_of_2_is_not() {
-    if !TARGETS.iter().all(|target| require_target(target)) {
+    if !require_target("thumbv7em-none-eabi") {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("baseline.json");
-    let core = core(&profile(&["--core", "cortex-m4", "--json"]));
+    let before = profile(&["--core", "cortex-m4", "--json"]);
+    core(&before);
     // A baseline of which this decoder is slower by so many percent.
     let slower_by = |percent: f64| {
-        let mut report: Value = serde_json::from_slice(&std::fs::read(baseline()).unwrap()).unwrap();
-        let cores = report["cores"].as_array_mut().unwrap();
-        let m4 = cores.iter_mut().find(|core| core["core"] == "cortex-m4").unwrap();
+        let mut report: Value = serde_json::from_slice(&before.stdout).unwrap();
         for figure in ["cycles_mean", "cycles_max"] {
-            let before = core[figure].as_f64().unwrap() / (1.0 + percent / 100.0);
-            m4[figure] = if figure == "cycles_max" { (before.round() as u64).into() } else { before.into() };
+            let faster = report["cores"][0][figure].as_f64().unwrap() / (1.0 + percent / 100.0);
+            report["cores"][0][figure] =
+                if figure == "cycles_max" { (faster.round() as u64).into() } else { faster.into() };
         }
         std::fs::write(&path, report.to_string()).unwrap();
         profile(&["--core", "cortex-m4", "--baseline", path.to_str().unwrap()])
@@ -115,13 +129,12 @@ fn a_baseline_of_another_clip_is_refused() {
     if !require_target("thumbv7em-none-eabi") {
         return;
     }
+    let folder = tempfile::tempdir().unwrap();
+    let baseline = folder.path().join("baseline.json");
+    std::fs::write(&baseline, profile(&["--core", "cortex-m4", "--json"]).stdout).unwrap();
     let vector = workspace().join("tests/vectors/v1/qmd-segments.qmd");
-    let arguments = ["--core", "cortex-m4", "--rate", "60", "--baseline"];
-    let mut all = vec![vector.to_str().unwrap()];
-    let baseline = baseline();
-    all.extend(arguments);
-    all.push(baseline.to_str().unwrap());
-    let output = profile(&all);
+    let (vector, baseline) = (vector.to_str().unwrap(), baseline.to_str().unwrap());
+    let output = profile(&[vector, "--core", "cortex-m4", "--rate", "60", "--baseline", baseline]);
     assert_eq!(output.status.code(), Some(1));
     assert!(said(&output).contains("the baseline is of another run"), "{}", said(&output));
 }
@@ -132,6 +145,7 @@ fn sixty_two_channels_take_as_many_cycles_as_they_may() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
+    let mut measured = Vec::new();
     // What QMD is to reach, but for the last: its goal of 2600 cycles is missed by 1 % (docs/CYCLES.md).
     for (fdf, table, core_name, most) in [
         (6, "lent", "cortex-m4", 750.0),
@@ -146,13 +160,16 @@ fn sixty_two_channels_take_as_many_cycles_as_they_may() {
         let output = profile(&[path.to_str().unwrap(), "--core", core_name, "--table", table, "--json"]);
         let core = core(&output);
         let mean = core["cycles_mean"].as_f64().unwrap();
+        let name = format!("qmd, 62 channels, FDF {fdf}, table {table}: {core_name}, mean cycles of a frame");
+        measured.push((name, mean));
         assert!(mean <= most && mean > 400.0, "{core_name}, FDF {fdf}, table {table}: {mean}");
         assert!(core["frame_stack_bytes"].as_u64().unwrap() <= 256, "{core}");
         assert!(core["code_bytes"].as_u64().unwrap() <= 3072, "{core}");
     }
+    budgets::check(&measured);
 }
 
-/// Cycles that a tick of 20 servos takes at most on a Cortex-M4: 3 % above what was measured.
+/// Cycles that a tick is to take at most on a Cortex-M4, whatever clip and puppet.
 const WORST_TICK: u64 = 9_000;
 
 #[test]
@@ -194,7 +211,7 @@ fn a_tick_of_20_servos_is_within_its_budget_on_m4() {
     let measured = runner.finish();
     let worst = measured.frame_cycles.iter().copied().max().unwrap();
     assert!((1000..=WORST_TICK).contains(&worst), "{worst} cycles; of all ticks: {:?}", measured.functions);
-    println!("a tick: at most {worst} cycles");
+    budgets::check(&[("tick of 20 servos: cortex-m4, worst cycles".to_owned(), worst as f64)]);
     assert_eq!(expected.len(), 120);
 }
 
@@ -216,6 +233,11 @@ fn a_puppet_is_profiled_tick_by_tick() {
     assert_eq!(report["rate_hz"], 50.0);
     let core = core(&output);
     let mean = core["cycles_mean"].as_f64().unwrap();
+    let worst = core["cycles_max"].as_f64().unwrap();
+    budgets::check(&[
+        ("tick of the sample puppet: cortex-m4, mean cycles".to_owned(), mean),
+        ("tick of the sample puppet: cortex-m4, worst cycles".to_owned(), worst),
+    ]);
     assert!((core["cycles_per_sample"].as_f64().unwrap() * 12.0 - mean).abs() < 1e-6);
     // Some ticks decode a frame and some two.
     assert!(core["cycles_min"].as_u64().unwrap() + 300 < core["cycles_max"].as_u64().unwrap(), "{core}");
@@ -252,6 +274,11 @@ fn the_walk_is_played_on_20_servos_within_its_budget_on_m4() {
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     assert_eq!(report["puppet"], serde_json::json!({ "ticks": 343, "servos": 20, "servo_hz": 120 }));
+    let core = core(&output);
+    budgets::check(&["mean", "max"].map(|which| {
+        let name = format!("tick of the walk on 20 servos: cortex-m4, {which} cycles");
+        (name, core[format!("cycles_{which}")].as_f64().unwrap())
+    }));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{bunraku, motion, require_program, require_target, workspace};
-use encoder::mclip::{Encoder, Quality, Settings};
+use encoder::mclip::{Encoder, Encoding, Quality};
 use host_sim::show::{self, Program, Summary};
 use mocap::{Motion, sample};
 use serde_json::Value;
@@ -83,8 +83,8 @@ fn write_show(folder: &Path, events: &str) -> PathBuf {
         }
         let encoder = Encoder::new(&clip.skeleton, &motion).unwrap();
         // Ten entry points a second, for what is streamed.
-        let settings = Settings { entry_frames: 6, block_bytes: 400, ..Settings::new(codec) };
-        fs::write(folder.join(name), encoder.encode(&settings, Quality::Bits(8))).unwrap();
+        let encoding = Encoding { entry_frames: 6, block_bytes: 400, ..Encoding::new(codec) };
+        fs::write(folder.join(name), encoder.encode(&encoding, Quality::Bits(8)).unwrap()).unwrap();
     }
     let show = folder.join("show.toml");
     let text = format!(

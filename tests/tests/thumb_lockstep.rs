@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{cargo, require_program, require_target, vectors, workspace};
-use host_sim::servos::{Bus, BusConfig};
 use host_sim::{board, qemu};
 use puppet_file::Puppet;
 use std::fs;
@@ -14,6 +13,8 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 use thumb_cycles::{Board, Core, Image, Machine, Stop};
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::virtual_bus::VirtualBus;
 
 /// More than any of these takes, in cycles and in time.
 const CYCLES: u64 = 10_000_000_000;
@@ -244,7 +245,7 @@ fn the_board_sends_the_same_bytes_as_in_qemu() {
     // Servos that answer alike, whatever the time: it stands still for them.
     let servos = || {
         let ids: Vec<u8> = map.joints().iter().map(|joint| joint.id).collect();
-        Bus::new(&BusConfig::with_ids(&ids)).unwrap()
+        DynamixelServos::new(&DynamixelConfig::with_ids(&ids)).unwrap()
     };
     let (mut theirs, mut their_servos) = (Vec::new(), servos());
     let image = qemu::Image { path: &path, machine: board::QEMU_MACHINE, arguments: &[] };

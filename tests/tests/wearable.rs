@@ -1,7 +1,7 @@
 //! A wearable sleeps: 20 outputs at 30 Hz keep a Cortex-M4 at 64 MHz awake for at most 0.2 % of the time.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::{bunraku, motion, require_target, workspace};
+use bunraku_tests::{budgets, bunraku, motion, require_target, workspace};
 use std::process::Output;
 
 #[test]
@@ -28,6 +28,7 @@ fn twenty_outputs_are_awake_for_two_thousandths_of_the_time() {
     assert_eq!((report["outputs"].as_u64(), report["ticks"].as_u64()), (Some(20), Some(86)));
     let (awake, cycles) = (report["awake"].as_f64().unwrap(), report["cycles_mean"].as_f64().unwrap());
     assert!(awake > 0.0 && awake <= 0.002, "{report}");
+    budgets::check(&[("qmd: cortex-m4, wearable of 20 outputs, mean cycles of a tick".to_owned(), cycles)]);
     // SysTick wakes it 30 times a second.
     assert!((cycles * 30.0 / 64e6 - awake).abs() < 1e-6, "{report}");
 

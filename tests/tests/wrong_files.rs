@@ -51,8 +51,8 @@ fn folder() -> tempfile::TempDir {
         encoder::qmd::encode(&clip, encoder::qmd::Parameters::TABLE_1, encoder::qmd::Method::ClosedLoop)
             .unwrap();
     let encoder = encoder::mclip::Encoder::new(&clip.skeleton, &clip.motion).unwrap();
-    let settings = encoder::mclip::Settings::new(decoder_core::mclip::CodecId::Dpcm);
-    let mclip = encoder.encode(&settings, encoder::mclip::Quality::Bits(5));
+    let encoding = encoder::mclip::Encoding::new(decoder_core::mclip::CodecId::Dpcm);
+    let mclip = encoder.encode(&encoding, encoder::mclip::Quality::Bits(5)).unwrap();
     write("walk.mclip", &mclip);
     write("cut.mclip", &mclip[..mclip.len() - 1]);
     let mut damaged = mclip;

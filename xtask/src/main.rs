@@ -4,12 +4,14 @@
 //! are trusted by. All install what they need first, or say exactly what is missing.
 #![forbid(unsafe_code)]
 
+mod budgets;
+mod publish;
 mod setup;
+mod test;
 mod verify;
 
 use std::env;
 use std::ffi::OsStr;
-use std::fs;
 use std::path::Path;
 use std::process::{Command, ExitCode};
 
@@ -20,6 +22,10 @@ Commands:
   demo       Encode, compare and play the embedded clip, on this machine and on a Cortex-M4 in QEMU
   test       Run all tests; what cannot run here is listed and counted. Arguments go to the test runner
   boards     Build the firmware of every board with the embedded clip, and print what it takes of flash and RAM
+  budgets    Measure cycles and bytes anew, and write bench/budgets.toml
+  api        Write down the public items of the crates that are for others, in docs/api
+  publish-check
+             Package and build the crates that are for others, as for the registry, without publishing them
   calibrate  Print how well the simulated cores agree with measurements and other simulators (docs/CYCLES.md)
   coverage   Print which lines of decoder-core its tests run; fails below 98 % (docs/TESTING.md, as the next three)
   miri       Interpret the tests of decoder-core, for a little- and a big-endian machine (nightly)
@@ -36,9 +42,12 @@ fn main() -> ExitCode {
     let rest: Vec<String> = arguments.collect();
     let done = match (command.as_deref(), rest.as_slice()) {
         (Some("demo"), []) => demo(),
-        (Some("test"), _) => test(&rest),
+        (Some("test"), _) => test::test(&rest),
         (Some("boards"), []) => boards(),
         (Some("calibrate"), []) => calibrate(),
+        (Some("budgets"), []) => budgets::budgets(),
+        (Some("api"), []) => publish::write_api(),
+        (Some("publish-check"), []) => publish::check(),
         (Some("coverage"), []) => verify::coverage(),
         (Some("miri"), []) => verify::miri(),
         (Some("fuzz"), [] | [_] | [_, _]) => verify::fuzz(&rest),
@@ -74,58 +83,11 @@ fn demo() -> Result<()> {
     run(&mut bunraku)
 }
 
-fn test(arguments: &[String]) -> Result<()> {
-    let ready = setup::all();
-    ready.list();
-    let skips = workspace().join("target/skipped-tests.txt");
-    fs::create_dir_all(workspace().join("target"))
-        .map_err(|error| format!("cannot make target/: {error}"))?;
-    fs::write(&skips, "").map_err(|error| format!("cannot write {}: {error}", skips.display()))?;
-    // Tests run the command as users do.
-    run(cargo().args(["build", "--package", "host-sim", "--bin", "bunraku"]))?;
-    let mut tests = cargo();
-    let nextest = setup::works(Command::new("cargo").args(["nextest", "--version"]));
-    tests.args(if nextest { ["nextest", "run"].as_slice() } else { &["test"] });
-    tests.args(arguments).env("BUNRAKU_SKIPS", &skips);
-    if let Some(python) = &ready.python {
-        tests.env("BUNRAKU_PEERS_PYTHON", python);
-    }
-    let outcome = run(&mut tests);
-    // nextest leaves the examples in the docs to cargo.
-    let examples =
-        if nextest && arguments.is_empty() { run(cargo().args(["test", "--doc"])) } else { Ok(()) };
-
-    let skipped =
-        fs::read_to_string(&skips).map_err(|error| format!("cannot read {}: {error}", skips.display()))?;
-    for line in skipped.lines() {
-        println!("skipped: {line}");
-    }
-    let count = skipped.lines().count();
-    println!("{count} tests skipped");
-    outcome.and(examples)?;
-    match (count, env::var_os("CI")) {
-        (1.., Some(_)) => Err(format!("{count} tests were skipped, and in CI a skip is a failure")),
-        _ => Ok(()),
-    }
-}
-
-/// Builds every board's image; fails where one takes more than firmware/boards/budget.toml allows.
+/// Builds every board's image; fails where one takes more than bench/budgets.toml allows.
 fn boards() -> Result<()> {
     setup::for_boards().report()?;
-    run(cargo()
-        .args([
-            "run",
-            "--quiet",
-            "--package",
-            "host-sim",
-            "--bin",
-            "bunraku",
-            "--",
-            "image",
-            "--board",
-            "all",
-        ])
-        .args(["--budget", "firmware/boards/budget.toml"]))
+    run(cargo().args(["build", "--package", "host-sim", "--bin", "bunraku"]))?;
+    run(cargo().args(["test", "--quiet", "--test", "boards", "--", "--ignored", "--nocapture"]))
 }
 
 /// The tests that show how well the simulated cores agree with others, with what they print.

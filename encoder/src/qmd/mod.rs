@@ -12,167 +12,19 @@
 //!   do not add up, and fits the tables to the movement of joints that an error causes.
 
 mod closed_loop;
+mod encode;
 mod faithful;
 pub mod optimize;
-mod source;
+mod parameters;
 mod writer;
 
-pub use source::Source;
-
-use decoder_core::qmd::{Clip, MAX_INDEX_BITS, MIN_INDEX_BITS};
-use decoder_core::{I16F16, Limits};
-use mocap::motion::Motion;
-
-/// The three quality control parameters (paper, section 5).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
-pub struct Parameters {
-    /// Bits of an index (`b`), 8 to 16.
-    pub index_bits: u8,
-    /// Leading channels whose differences stay floats (`FDF`), 0 to the number of channels.
-    pub fixed_channels: u16,
-    /// Frames of a segment (`n_d`), at least 1; the last segment may have fewer.
-    pub segment_frames: u32,
-}
-
-impl Parameters {
-    /// The paper's choice for clips of one segment (section 6.1): `b` = 8, `FDF` = 6.
-    pub const TABLE_1: Self = Self { index_bits: 8, fixed_channels: 6, segment_frames: u32::MAX };
-
-    /// Bytes of a clip of `frames` frames of `channels` channels (equation 4, and docs/FORMAT.md for the opening).
-    pub fn bytes(self, frames: usize, channels: usize) -> usize {
-        let layout = self.layout(channels as u16, 0);
-        let segments = frames.div_ceil(self.segment_frames as usize);
-        segments * (decoder_core::qmd::SEGMENT_HEADER_BYTES + layout.table_bytes())
-            + layout.opening_bytes()
-            + frames * layout.row_bytes()
-    }
-
-    fn layout(self, channels: u16, rate_centihertz: u16) -> decoder_core::qmd::Layout {
-        decoder_core::qmd::Layout {
-            channels,
-            rate_centihertz,
-            fixed_channels: self.fixed_channels,
-            index_bits: self.index_bits,
-        }
-    }
-
-    fn check(self, channels: u16) -> Result<(), EncodeError> {
-        if !(MIN_INDEX_BITS..=MAX_INDEX_BITS).contains(&self.index_bits) {
-            return Err(EncodeError::IndexBits { found: self.index_bits });
-        }
-        if self.fixed_channels > channels {
-            return Err(EncodeError::FixedChannels { found: self.fixed_channels, channels });
-        }
-        if self.segment_frames == 0 {
-            return Err(EncodeError::EmptySegments);
-        }
-        Ok(())
-    }
-}
-
-/// How differences are taken and tables are made.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub enum Method {
-    /// The paper's encoder.
-    Faithful {
-        /// `k` of equation 1. `None` is its limit for k → ∞: of the numbers in a bucket only those of its lowest
-        /// level count (selective averaging).
-        exponent: Option<f64>,
-    },
-    /// Differences against the decoder's pose, tables that minimise the weighted error.
-    ClosedLoop,
-}
-
-impl Method {
-    /// The paper's encoder with selective averaging.
-    pub const FAITHFUL: Self = Self::Faithful { exponent: None };
-}
-
-/// Why a motion is not encoded.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum EncodeError {
-    /// Index bits that the format does not have.
-    #[error("index bits (b) are {found}, expected 8 to 16")]
-    IndexBits {
-        /// What was asked for.
-        found: u8,
-    },
-    /// More fixed channels than channels.
-    #[error("fixed channels (FDF) are {found}, expected 0 to {channels}, the number of channels")]
-    FixedChannels {
-        /// What was asked for.
-        found: u16,
-        /// Channels of the motion.
-        channels: u16,
-    },
-    /// Segments without frames.
-    #[error("a segment has 0 frames, expected at least 1")]
-    EmptySegments,
-    /// A motion without frames or channels.
-    #[error("the motion has {frames} frames of {channels} channels, expected at least 1 of both")]
-    Empty {
-        /// Its frames.
-        frames: usize,
-        /// Its channels.
-        channels: usize,
-    },
-    /// More channels or frames than the format can count.
-    #[error("the motion has {found} {what}, the format holds at most {limit}")]
-    TooMany {
-        /// Channels or frames.
-        what: &'static str,
-        /// How many there are.
-        found: usize,
-        /// How many there may be.
-        limit: usize,
-    },
-    /// A value outside 16.16 fixed point.
-    #[error("frame {frame} of channel {channel} is {value}, outside the range of -32768 to 32767")]
-    Range {
-        /// Name of the channel.
-        channel: String,
-        /// The frame, from 0.
-        frame: usize,
-        /// The value.
-        value: f64,
-    },
-    /// A rate that the format cannot hold.
-    #[error("the rate is {found} frames per second, expected 0.01 to 655.35")]
-    Rate {
-        /// The rate.
-        found: f64,
-    },
-}
-
-/// Encodes a motion. To encode one motion many times, keep a [`Source`].
-///
-/// # Errors
-/// [`EncodeError`] where the parameters or the motion do not fit the format.
-pub fn encode(clip: &mocap::Clip, parameters: Parameters, method: Method) -> Result<Vec<u8>, EncodeError> {
-    Source::new(&clip.skeleton, &clip.motion)?.encode(parameters, method)
-}
-
-/// Decodes a whole clip with the decoder's own code. Values are in degrees and centimetres, angles continuous.
-/// Where the clip has no rate, that of the motion is 0.
-///
-/// # Errors
-/// As [`Clip::parse`].
-pub fn decode(bytes: &[u8]) -> Result<Motion, decoder_core::Error> {
-    let clip = Clip::parse(bytes, Limits::MAX)?;
-    let mut pose = vec![I16F16::ZERO; clip.channels()];
-    let mut table = vec![0; clip.table_len()];
-    let mut decoder = clip.decoder(&mut pose, Some(&mut table))?;
-    let mut samples = Vec::with_capacity(clip.frames() as usize * clip.channels());
-    while let Some(pose) = decoder.next_frame() {
-        samples.extend(pose.iter().map(|value| value.to_num::<f64>()));
-    }
-    Ok(Motion { fps: f64::from(clip.rate_centihertz()) / 100.0, channels: clip.channels(), samples })
-}
+pub use encode::{decode, encode};
+pub use parameters::{Method, Parameters};
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::source::Source;
     use mocap::metrics::Evaluator;
     use mocap::{Clip as Motions, sample};
 
@@ -280,7 +132,7 @@ mod tests {
         );
         assert_eq!(encode_with(|p| p.segment_frames = 0), "a segment has 0 frames, expected at least 1");
 
-        let refused = |change: fn(&mut Motion)| {
+        let refused = |change: fn(&mut mocap::Motion)| {
             let mut clip = sample::clip();
             change(&mut clip.motion);
             encode(&clip, Parameters::TABLE_1, Method::ClosedLoop).unwrap_err().to_string()

@@ -3,7 +3,10 @@
 //! The figure of merit is bytes × DEF (equation 5); less is better. DEF stands for the mean over joints here, which
 //! differs from the sum by a factor and so has its minimum at the same point.
 
-use super::{EncodeError, Method, Parameters, Source, decode};
+use super::encode::decode;
+use super::parameters::{Method, Parameters};
+use crate::error::EncodeError;
+use crate::source::Source;
 use decoder_core::qmd::MIN_INDEX_BITS;
 use mocap::metrics::Evaluator;
 use rayon::prelude::*;

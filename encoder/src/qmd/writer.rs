@@ -1,6 +1,7 @@
 //! The bytes of a clip (docs/FORMAT.md, "QMD").
 
-use super::{Parameters, Source};
+use super::parameters::Parameters;
+use crate::source::Source;
 
 /// What an encoder decided.
 pub(super) struct Coded {

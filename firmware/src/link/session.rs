@@ -181,9 +181,14 @@ impl Session {
 
     /// Forgets the first `count` bytes of [`outgoing`](Self::outgoing), which were sent.
     pub fn sent(&mut self, count: usize) {
-        let count = count.min(self.out.len());
-        self.out.rotate_left(count);
-        self.out.truncate(self.out.len().saturating_sub(count));
+        let left = self.out.len().saturating_sub(count);
+        for at in 0..left {
+            let byte = self.out.get(at.saturating_add(count)).copied().unwrap_or_default();
+            if let Some(place) = self.out.get_mut(at) {
+                *place = byte;
+            }
+        }
+        self.out.truncate(left);
     }
 }
 

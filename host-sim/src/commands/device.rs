@@ -1,6 +1,6 @@
 //! `bunraku device`: a puppet's controller on virtual servos.
 
-use super::servos::Listen;
+use super::servos::{Listen, NO_PTY};
 use anyhow::Result;
 use host_sim::device::{self, Config, Listener};
 use host_sim::puppet::channels;
@@ -87,10 +87,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
 
 #[cfg(unix)]
 fn pty() -> Result<Listener> {
-    Ok(Listener::Pty(Box::new(host_sim::servos::serve::Pty::open()?)))
+    Ok(Listener::Pty(Box::new(anyhow::Context::context(virtual_servos::serve::Pty::open(), NO_PTY)?)))
 }
 
 #[cfg(not(unix))]
 fn pty() -> Result<Listener> {
-    anyhow::bail!("this system has no pseudo terminals; use --listen tcp:127.0.0.1:0")
+    anyhow::bail!(NO_PTY)
 }

@@ -6,7 +6,6 @@ use host_sim::board;
 use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::rp2040js;
-use host_sim::servos::{Bus, BusConfig, ServoConfig};
 use std::cell::Cell;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -14,6 +13,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::thread;
 use std::time::{Duration, Instant};
+use virtual_servos::config::ServoConfig;
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::virtual_bus::VirtualBus;
 
 /// Run the firmware of a Raspberry Pi Pico in the emulator rp2040js, in real time, with virtual servos.
 ///
@@ -53,7 +55,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let map = play::map(&args.clip, &clip, &args.puppet, args.skeleton)?;
     let joints = map.joints().iter();
     let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
-    let mut servos = Bus::new(&BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) })?;
+    let mut servos = DynamixelServos::new(&DynamixelConfig {
+        servos: servos.collect(),
+        ..DynamixelConfig::with_ids(&[])
+    })?;
     let elf = board::RP2040.build(&bytes, &map, 0)?;
     let listener =
         TcpListener::bind(&args.listen).with_context(|| format!("cannot listen on {}", args.listen))?;

@@ -1,12 +1,11 @@
 //! `bunraku encode`: motion capture in, a compressed clip out.
 
+use super::codec;
 use super::input::{self, Quality, is_mclip};
 use anyhow::{Context, Result};
-use clap::ValueEnum;
 use decoder_core::mclip::{CodecId, EntropyId};
-use decoder_core::predict::adaptive::MAX_WINDOW;
-use decoder_core::predict::window::{LONGEST, SHORTEST};
-use encoder::mclip::{Density, Encoder, Predictor, Settings, Target};
+use encoder::codec::encode::OptionError;
+use encoder::mclip::{Encoder, Encoding, Target};
 use encoder::qmd::{self, Parameters};
 use host_sim::cycle_limit::{self, Goal, Limit};
 use host_sim::files;
@@ -31,8 +30,8 @@ pub struct Args {
     #[command(flatten)]
     source: input::Source,
     /// The codec; qmd for a .qmd and dpcm for a .mclip unless given.
-    #[arg(long, value_enum)]
-    codec: Option<Codec>,
+    #[arg(long, value_parser = codec::codec())]
+    codec: Option<CodecId>,
     /// Bits of a code: 8 to 16 for a .qmd (QMD b, 8 unless given), 1 to 16 for a .mclip.
     #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u8).range(1..=16))]
     bits: Option<u8>,
@@ -47,20 +46,10 @@ pub struct Args {
     #[arg(long, value_name = "N[@CORE]")]
     max_cycles: Option<Limit>,
     /// The entropy stage (.mclip); the smallest unless given.
-    #[arg(long, value_enum)]
-    entropy: Option<Entropy>,
-    /// What adapts (--codec adpcm).
-    #[arg(long, value_enum, default_value_t = Adapt::Predictor)]
-    adapt: Adapt,
-    /// Window of a predictor that adapts: the last 15 to 120 frames, or an exponential one of 2^1 to 2^6 (1 to 6).
-    #[arg(long, value_name = "FRAMES", default_value_t = 5, value_parser = window)]
-    window: u8,
-    /// Frames from one adaptation of a channel's predictor to the next, a power of two; a window of frames is at most 8 times as long.
-    #[arg(long, value_name = "FRAMES", default_value_t = 16, value_parser = period)]
-    adapt_every: u16,
-    /// Levels of the table (--codec qmd, .mclip).
-    #[arg(long, value_enum, default_value_t = Levels::Fitted)]
-    levels: Levels,
+    #[arg(long, value_parser = codec::entropy())]
+    entropy: Option<EntropyId>,
+    #[command(flatten)]
+    options: codec::Options,
     /// Frames from one entry point to the next (.mclip).
     #[arg(long, value_name = "FRAMES", default_value_t = 480, value_parser = clap::value_parser!(u32).range(1..))]
     entry: u32,
@@ -80,100 +69,6 @@ pub struct Args {
     json: bool,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Codec {
-    /// Values in steps between two limits.
-    Pcm,
-    /// Differences in mu-law steps.
-    Mulaw,
-    /// Differences to a prediction.
-    Dpcm,
-    /// The same, and what --adapt names adapts.
-    Adpcm,
-    /// Look-up tables of differences between frames.
-    Qmd,
-}
-
-impl Codec {
-    /// As a header names it.
-    pub const fn id(self) -> CodecId {
-        match self {
-            Self::Pcm => CodecId::Pcm,
-            Self::Mulaw => CodecId::MuLaw,
-            Self::Dpcm => CodecId::Dpcm,
-            Self::Adpcm => CodecId::Adpcm,
-            Self::Qmd => CodecId::Qmd,
-        }
-    }
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-pub enum Entropy {
-    /// Codes of fixed width.
-    Fixed,
-    /// Static Huffman codes.
-    Huffman,
-    /// Adaptive Huffman codes.
-    AdaptiveHuffman,
-}
-
-impl Entropy {
-    /// As a header names it.
-    pub const fn id(self) -> EntropyId {
-        match self {
-            Self::Fixed => EntropyId::FixedWidth,
-            Self::Huffman => EntropyId::Huffman,
-            Self::AdaptiveHuffman => EntropyId::AdaptiveHuffman,
-        }
-    }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Adapt {
-    /// The predictor.
-    Predictor,
-    /// The quantiser's step; bits set the quality.
-    Step,
-    /// Both.
-    Both,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Levels {
-    /// Fitted to the motion, for all channels together.
-    Fitted,
-    /// Max's quantiser of the Gaussian density, in each channel's best scale.
-    Gaussian,
-    /// Max's quantiser of the Laplacian density, in each channel's best scale.
-    Laplacian,
-}
-
-impl Levels {
-    const fn density(self) -> Option<Density> {
-        match self {
-            Self::Fitted => None,
-            Self::Gaussian => Some(Density::Gaussian),
-            Self::Laplacian => Some(Density::Laplacian),
-        }
-    }
-}
-
-/// A window of an adaptive predictor.
-fn window(text: &str) -> Result<u8, String> {
-    match text.parse() {
-        Ok(window @ (1..=MAX_WINDOW | SHORTEST..=LONGEST)) => Ok(window),
-        _ => Err(format!("found {text:?}, expected 1 to {MAX_WINDOW}, or {SHORTEST} to {LONGEST}")),
-    }
-}
-
-/// A power of two that a header can say.
-fn period(text: &str) -> Result<u16, String> {
-    match text.parse() {
-        Ok(frames @ 1..=16384) if u16::is_power_of_two(frames) => Ok(frames),
-        _ => Err(format!("found {text:?}, expected 1, 2, 4 … or 16384")),
-    }
-}
-
 /// A number above 0.
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
@@ -184,9 +79,9 @@ pub fn positive(text: &str) -> Result<f64, String> {
 
 pub fn run(args: Args) -> Result<ExitCode> {
     let in_blocks = is_mclip(&args.output);
-    let codec = args.codec.unwrap_or(if in_blocks { Codec::Dpcm } else { Codec::Qmd });
-    let (name, output) = (codec.id().name(), args.output.display());
-    if !in_blocks && codec != Codec::Qmd {
+    let codec = args.codec.unwrap_or(if in_blocks { CodecId::Dpcm } else { CodecId::Qmd });
+    let (name, output) = (codec.name(), args.output.display());
+    if !in_blocks && codec != CodecId::Qmd {
         usage(&format!("{output}: codec {name} needs a .mclip, for instance -o out.mclip"));
     }
     if !in_blocks && args.max_cycles.is_some() {
@@ -195,19 +90,16 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if !in_blocks && (args.target_error.is_some() || args.target_rate.is_some()) {
         usage(&format!("{output}: a target needs a .mclip; for a .qmd there is bunraku optimize"));
     }
-    if args.window >= SHORTEST && u16::from(args.window) > args.adapt_every.saturating_mul(8) {
-        let (window, every) = (args.window, args.adapt_every);
-        usage(&format!("--window is {window}, expected at most 8 times --adapt-every, which is {every}"));
-    }
-    let (low, high) = if in_blocks { (1, settings(&args, codec).most_bits()) } else { (8, 16) };
+    let encoding = encoding(&args, codec).unwrap_or_else(|error| usage(&error.to_string()));
+    let (low, high) = if in_blocks { (1, encoding.most_bits()) } else { (8, 16) };
     if let Some(bits) = args.bits.filter(|bits| !(low..=high).contains(bits)) {
         usage(&format!("{output}: --bits is {bits}, expected {low} to {high}"));
     }
     let clip = args.source.load(&args.input)?;
     let bytes = if in_blocks {
-        mclip(&args, codec, &clip)
+        mclip(&args, &encoding, &clip)
     } else {
-        qmd(&args, &clip).map(|bytes| (bytes, codec.id()))
+        qmd(&args, &clip).map(|bytes| (bytes, codec))
     };
     let (bytes, codec) = bytes.with_context(|| format!("cannot encode {}", args.input.display()))?;
     files::write(&args.output, |file| Ok(file.write_all(&bytes)?))?;
@@ -240,27 +132,9 @@ fn qmd(args: &Args, clip: &Clip) -> Result<Vec<u8>> {
     Ok(qmd::encode(clip, parameters, args.quality.method())?)
 }
 
-fn settings(args: &Args, codec: Codec) -> Settings {
-    let standard = Settings::new(codec.id());
-    Settings {
-        entropy: args.entropy.map(Entropy::id),
-        entry_frames: args.entry as usize,
-        block_bytes: args.block,
-        adapt_step: codec == Codec::Adpcm && args.adapt != Adapt::Predictor,
-        predictor: if codec == Codec::Adpcm && args.adapt == Adapt::Step {
-            Predictor::Second
-        } else {
-            match standard.predictor {
-                Predictor::Adaptive { .. } => {
-                    let period = args.adapt_every.ilog2() as u8;
-                    Predictor::Adaptive { window: args.window, period }
-                }
-                fixed => fixed,
-            }
-        },
-        density: args.levels.density(),
-        ..standard
-    }
+fn encoding(args: &Args, codec: CodecId) -> Result<Encoding, OptionError> {
+    let (entropy, entry_frames, block_bytes) = (args.entropy, args.entry as usize, args.block);
+    Ok(Encoding { codec: args.options.settings(codec)?, entropy, entry_frames, block_bytes })
 }
 
 /// Ends the command with what was wrong about its arguments.
@@ -269,8 +143,8 @@ fn usage(message: &str) -> ! {
 }
 
 /// The clip, and its codec.
-fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<(Vec<u8>, CodecId)> {
-    let settings = settings(args, codec);
+fn mclip(args: &Args, encoding: &Encoding, clip: &Clip) -> Result<(Vec<u8>, CodecId)> {
+    let codec = encoding.codec.id();
     let encoder = Encoder::new(&clip.skeleton, &clip.motion)?;
     let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
     let target = match args.target_rate {
@@ -279,12 +153,12 @@ fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<(Vec<u8>, CodecId)> {
     };
     if let Some(limit) = args.max_cycles {
         let goal = args.bits.map_or(Goal::Target(target), Goal::Bits);
-        return best_within(args, &settings, &encoder, &evaluator, goal, limit);
+        return best_within(args, encoding, &encoder, &evaluator, goal, limit);
     }
     if let Some(bits) = args.bits {
-        return Ok((encoder.encode(&settings, encoder::mclip::Quality::Bits(bits)), settings.codec));
+        return Ok((encoder.encode(encoding, encoder::mclip::Quality::Bits(bits))?, codec));
     }
-    let encoded = encoder.encode_to(&settings, target, &evaluator);
+    let encoded = encoder.encode_to(encoding, target, &evaluator)?;
     let (name, rate) = (args.output.display(), encoder.rate(&encoded.bytes));
     match target {
         Target::Error(cm) if (encoded.mean_joint_cm / cm - 1.0).abs() > 0.03 => {
@@ -300,19 +174,19 @@ fn mclip(args: &Args, codec: Codec, clip: &Clip) -> Result<(Vec<u8>, CodecId)> {
         }
         _ => {}
     }
-    Ok((encoded.bytes, settings.codec))
+    Ok((encoded.bytes, codec))
 }
 
 /// The best clip whose most expensive frame is within a limit.
 fn best_within(
     args: &Args,
-    base: &Settings,
+    base: &Encoding,
     encoder: &Encoder<'_>,
     evaluator: &Evaluator,
     goal: Goal,
     limit: Limit,
 ) -> Result<(Vec<u8>, CodecId)> {
-    let candidates = cycle_limit::candidates(base, args.codec.map(Codec::id), args.entropy.map(Entropy::id));
+    let candidates = cycle_limit::candidates(base, args.codec, args.entropy);
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(Duration::from_millis(100));
     let tell = &mut |what| spinner.set_message(what);
@@ -322,10 +196,10 @@ fn best_within(
     eprintln!(
         "{}: {}; a frame takes at most {} cycles on {}, {:.4} cm",
         args.output.display(),
-        cycle_limit::describe(&found.settings),
+        cycle_limit::describe(&found.encoding),
         found.cycles_max,
         limit.core.name(),
         found.encoded.mean_joint_cm
     );
-    Ok((found.encoded.bytes, found.settings.codec))
+    Ok((found.encoded.bytes, found.encoding.codec.id()))
 }

@@ -6,11 +6,7 @@ use firmware::follow::Counters;
 use firmware::map::BusKind;
 use host_sim::link::port::Port;
 use host_sim::play::{self, seconds};
-use host_sim::ports::{self, Played};
-use host_sim::servos::pins::Board;
-#[cfg(unix)]
-use host_sim::servos::serve::Pty;
-use host_sim::servos::{Bus, BusConfig, ServoConfig};
+use host_sim::ports::{self, Clock, ComputerClock, Played};
 use puppet_file::{Map, Puppet};
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
@@ -18,7 +14,13 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicUsize;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+#[cfg(unix)]
+use virtual_servos::config::ServoConfig;
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::hobby::HobbyBoard;
+use virtual_servos::serve::Pty;
+use virtual_servos::virtual_bus::VirtualBus;
 
 /// Follow the live mode of the Blender add-on Servo Animation: its frames move a puppet, within the puppet's limits.
 ///
@@ -72,7 +74,15 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let paths = ports::paths(&args.on, &puppet.bus_names(), |_| true)?;
         let buses = ports::open(&map, &paths)?;
         let asked = asked_to_end()?;
-        ports::follow(&listen(&args.from, args.baud)?, lost_millis, &map, buses, asked, say)
+        ports::follow(
+            &listen(&args.from, args.baud)?,
+            lost_millis,
+            &map,
+            buses,
+            &ComputerClock::start(),
+            asked,
+            say,
+        )
     }
     .with_context(|| format!("cannot follow {} any longer", args.from))?;
     if let Some(log) = &args.log {
@@ -111,14 +121,17 @@ fn on_host(
     let on_line = map.buses().iter().position(|bus| bus.kind == BusKind::Dynamixel);
     let joints = map.joints().iter().filter(|joint| Some(usize::from(joint.bus)) == on_line);
     let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
-    let mut servos = Bus::new(&BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) })?;
-    let power_on = Instant::now();
+    let mut servos = DynamixelServos::new(&DynamixelConfig {
+        servos: servos.collect(),
+        ..DynamixelConfig::with_ids(&[])
+    })?;
+    let clock = ComputerClock::start();
     let hear = |bytes: &[u8]| {
-        let now_us = u64::try_from(power_on.elapsed().as_micros()).unwrap_or(u64::MAX);
+        let now_us = u64::try_from(clock.now().as_micros()).unwrap_or(u64::MAX);
         servos.receive(bytes, now_us, &mut |_| {})
     };
-    let bus = play::virtual_bus(map, &Board::default(), hear).context("--on host")?;
-    ports::follow(input, lost_millis, map, bus, asked, say)
+    let bus = play::virtual_bus(map, &HobbyBoard::default(), hear).context("--on host")?;
+    ports::follow(input, lost_millis, map, bus, &clock, asked, say)
 }
 
 /// Reads where frames come from, in a thread of its own, until it ends.

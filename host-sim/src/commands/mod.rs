@@ -1,6 +1,7 @@
 //! One file per subcommand: its arguments and what it does.
 
 pub mod bench;
+mod codec;
 pub mod compare;
 pub mod decode;
 pub mod demo;

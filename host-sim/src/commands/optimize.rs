@@ -2,8 +2,9 @@
 
 use super::input;
 use anyhow::{Context, Result, bail};
+use encoder::qmd::Method;
 use encoder::qmd::optimize::{Outcome, Problem, Space};
-use encoder::qmd::{Method, Source};
+use encoder::source::Source;
 use host_sim::files;
 use indicatif::{ProgressBar, ProgressStyle};
 use mocap::metrics::Evaluator;

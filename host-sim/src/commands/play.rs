@@ -100,7 +100,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
             let buses = ports::open(&map, &ports::paths(port, &names, |_| true)?)?;
             let asked = asked_to_end()?;
             let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
-            clip.decode(|frames| ports::play(frames, &map, rate, buses, asked, log)).map(|played| {
+            clip.decode(|frames| {
+                ports::play(frames, &map, rate, buses, &ports::ComputerClock::start(), asked, log)
+            })
+            .map(|played| {
                 let recording = played.recording.clone();
                 live = Some(played);
                 (recording, None)

@@ -1,11 +1,12 @@
 //! `bunraku qemu`: run an image.
 
 use anyhow::Result;
-use host_sim::servos::{Bus, BusConfig};
 use host_sim::{board, qemu};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::virtual_bus::VirtualBus;
 
 /// Run an image for a QEMU board and print its log: what `cargo run` in a board's folder does.
 ///
@@ -40,7 +41,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let image = qemu::Image { path: &args.image, machine: &args.machine, arguments: &arguments };
     let ids: Vec<u8> = (1..=args.servos).collect();
     // QEMU gives packets in parts, whenever it comes to it.
-    let mut servos = Bus::new(&BusConfig { byte_gap_us: 1_000_000, ..BusConfig::with_ids(&ids) })?;
+    let mut servos =
+        DynamixelServos::new(&DynamixelConfig { byte_gap_us: 1_000_000, ..DynamixelConfig::with_ids(&ids) })?;
     let (mut last, mut now) = (Instant::now(), Duration::ZERO);
     let mut device = |bytes: &[u8]| {
         // A host that had other things to do must not set off the servos' watchdogs.

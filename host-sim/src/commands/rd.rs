@@ -1,9 +1,11 @@
 //! `bunraku rd`: rate against distortion, codec by codec.
 
-use super::encode::{Codec, Entropy, positive};
+use super::codec;
+use super::encode::positive;
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
-use encoder::mclip::{Encoder, Settings, Target, decode};
+use decoder_core::mclip::{CodecId, EntropyId};
+use encoder::mclip::{Encoder, Encoding, Target, decode};
 use host_sim::plot::chart::Chart;
 use host_sim::rd::curve::Curve;
 use host_sim::rd::figure::{self, Figure};
@@ -40,12 +42,13 @@ pub struct Args {
     /// Take the first frames only, counted after --fps.
     #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
-    /// The codecs, separated by commas; pcm, dpcm and adpcm for --errors, dpcm for --trace, all for a sweep unless given.
-    #[arg(long, value_enum, value_delimiter = ',')]
-    codecs: Vec<Codec>,
+    /// The codecs, separated by commas; for --errors those whose steps are free (pcm, dpcm, adpcm), dpcm for --trace, all
+    /// for a sweep unless given.
+    #[arg(long, value_delimiter = ',', value_parser = codec::codec())]
+    codecs: Vec<CodecId>,
     /// Entropy stages, separated by commas, each with a curve of its own; the smallest unless given.
-    #[arg(long, value_enum, value_delimiter = ',')]
-    entropy: Vec<Entropy>,
+    #[arg(long, value_delimiter = ',', value_parser = codec::entropy())]
+    entropy: Vec<EntropyId>,
     /// Mean joint errors in cm, separated by commas.
     #[arg(
         long, value_name = "CM", value_delimiter = ',', value_parser = positive, default_values = ["0.1", "0.25"],
@@ -178,18 +181,18 @@ pub fn run(args: Args) -> Result<ExitCode> {
 
 /// Encodes to the errors that were asked for.
 fn targets(args: &Args, motions: &[Named]) -> Result<ExitCode> {
-    let codecs: &[Codec] =
-        if args.codecs.is_empty() { &[Codec::Pcm, Codec::Dpcm, Codec::Adpcm] } else { &args.codecs };
+    let free = || CodecId::ALL.into_iter().filter(|&codec| Encoding::new(codec).has_free_steps()).collect();
+    let codecs: Vec<CodecId> = if args.codecs.is_empty() { free() } else { args.codecs.clone() };
     let (mut rows, mut pooled) = (Vec::new(), Vec::new());
     for codec in codecs {
-        let settings = Settings::new(codec.id());
-        let codec = codec.id().name();
+        let encoding = Encoding::new(codec);
+        let codec = codec.name();
         for &target_cm in &args.errors {
             let (mut samples, mut bytes) = (0, 0);
             for Named { name, clip } in motions {
                 let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
                 let encoder = Encoder::new(&clip.skeleton, &clip.motion).with_context(|| name.clone())?;
-                let encoded = encoder.encode_to(&settings, Target::Error(target_cm), &evaluator);
+                let encoded = encoder.encode_to(&encoding, Target::Error(target_cm), &evaluator)?;
                 let size = encoded.bytes.len() as u64;
                 let decoded = decode(&encoded.bytes)?;
                 let report = metrics::compare(&clip.skeleton, &clip.motion, &decoded, size)?;
@@ -241,7 +244,7 @@ fn targets(args: &Args, motions: &[Named]) -> Result<ExitCode> {
 
 /// Sweeps qualities.
 fn swept(args: &Args, motions: &[Named]) -> Result<ExitCode> {
-    let curves = curves(args, Codec::value_variants());
+    let curves = curves(args, &CodecId::ALL);
     let bar = ProgressBar::new(sweep::len(motions, &curves) as u64);
     bar.set_style(ProgressStyle::with_template("{wide_bar} {pos} of {len} encodes, {eta} left")?);
     bar.enable_steady_tick(Duration::from_millis(200));
@@ -295,7 +298,7 @@ fn traced(args: &Args, motions: &[Named], channel: &str) -> Result<ExitCode> {
     let [named] = motions else {
         bail!("found {} motions, expected one for the trace of a channel", motions.len());
     };
-    let trace = trace::trace(named, channel, &curves(args, &[Codec::Dpcm]), &args.bits)?;
+    let trace = trace::trace(named, channel, &curves(args, &[CodecId::Dpcm]), &args.bits)?;
     if let Some(path) = &args.csv {
         files::write(path, |file| trace.write_csv(file))?;
     }
@@ -314,18 +317,18 @@ fn traced(args: &Args, motions: &[Named], channel: &str) -> Result<ExitCode> {
 }
 
 /// The curves that were asked for.
-fn curves(args: &Args, otherwise: &[Codec]) -> Vec<Curve> {
+fn curves(args: &Args, otherwise: &[CodecId]) -> Vec<Curve> {
     let codecs = if args.codecs.is_empty() { otherwise } else { &args.codecs };
     let curves: Vec<Curve> = match args.figure {
         Some(figure) => figure.figure().curves(args.faithful),
-        None => codecs.iter().flat_map(|codec| Curve::of(codec.id())).collect(),
+        None => codecs.iter().flat_map(|codec| Curve::of(*codec)).collect(),
     };
     if args.entropy.is_empty() {
         return curves;
     }
     let with = |curve: Curve| -> Vec<Curve> {
         match curve.has_entropy() {
-            true => args.entropy.iter().map(|entropy| curve.clone().with_entropy(entropy.id())).collect(),
+            true => args.entropy.iter().map(|&entropy| curve.clone().with_entropy(entropy)).collect(),
             false => vec![curve],
         }
     };

@@ -1,7 +1,7 @@
 //! `bunraku servos`: virtual servos for any client.
 
 use anyhow::{Context, bail};
-use host_sim::servos::{ConfigError, Event, config, serve};
+use host_sim::puppet_servos::{self, ServedBus};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -10,6 +10,9 @@ use std::str::FromStr;
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Instant;
+use virtual_servos::config::ConfigError;
+use virtual_servos::serve;
+use virtual_servos::virtual_bus::Event;
 
 /// Serve virtual servos, on one port for each bus of a puppet: a pseudo terminal or a TCP port.
 ///
@@ -38,6 +41,9 @@ pub struct Args {
     #[arg(long)]
     json: bool,
 }
+
+/// What to do where there is no pseudo terminal.
+pub const NO_PTY: &str = "no pseudo terminal; --listen tcp:127.0.0.1:0 does without";
 
 /// Where clients connect.
 #[derive(Clone)]
@@ -72,9 +78,9 @@ impl Port {
     fn open(listen: &Listen, number: u16) -> anyhow::Result<Self> {
         match listen {
             #[cfg(unix)]
-            Listen::Pty => Ok(Self::Pty(Box::new(serve::Pty::open()?))),
+            Listen::Pty => Ok(Self::Pty(Box::new(serve::Pty::open().context(NO_PTY)?))),
             #[cfg(not(unix))]
-            Listen::Pty => bail!("this system has no pseudo terminals; use --listen tcp:127.0.0.1:0"),
+            Listen::Pty => bail!(NO_PTY),
             Listen::Tcp(address) => {
                 let apart =
                     address.rsplit_once(':').and_then(|(host, port)| Some((host, port.parse::<u16>().ok()?)));
@@ -95,11 +101,13 @@ impl Port {
         })
     }
 
-    fn serve(&mut self, served: serve::Served) -> anyhow::Result<()> {
+    fn serve(&mut self, served: serve::Served) -> Result<(), serve::ServeError> {
         match self {
             #[cfg(unix)]
             Self::Pty(pty) => pty.serve(served),
-            Self::Tcp(tcp) => tcp.serve(served),
+            Self::Tcp(tcp) => tcp.serve(served, |client, error| {
+                eprintln!("bunraku: the client {client} is gone: {error}");
+            }),
         }
     }
 }
@@ -110,12 +118,12 @@ impl Port {
 /// A sentence about the puppet, a port or a line.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let log = args.log.as_deref().map(open_log).transpose()?;
-    let mut events = args.events.as_deref().map(config::read_events).transpose()?.unwrap_or_default();
+    let mut events = args.events.as_deref().map(puppet_servos::read_events).transpose()?.unwrap_or_default();
     let mut open = Vec::new();
     let power_on = Instant::now();
-    for bus in config::read(&args.config)? {
+    for bus in puppet_servos::read(&args.config)? {
         let named = || format!("{} does not describe servos", args.config.display());
-        let Some(mut wire) = bus.wire(serve::BYTE_GAP_US).with_context(named)? else {
+        let Some(mut servos) = bus.virtual_bus(serve::BYTE_GAP_US).with_context(named)? else {
             eprintln!(
                 "bunraku: the bus \"{}\" ({}) hangs on a board's pins: left out",
                 bus.name,
@@ -125,24 +133,24 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         };
         // An event without a bus is for the first one that has its servo, and a cut is for all.
         let mut left = Vec::new();
-        for (at_us, name, deed) in events {
+        for (at_us, name, disturbance) in events {
             let here = name.as_ref().is_none_or(|name| *name == bus.name);
-            let all = name.is_none() && deed.servo().is_none();
-            if !(here && wire.schedule(at_us, deed).is_ok()) || all {
-                left.push((at_us, name, deed));
+            let all = name.is_none() && disturbance.servo().is_none();
+            if !(here && servos.schedule(at_us, disturbance).is_ok()) || all {
+                left.push((at_us, name, disturbance));
             }
         }
         events = left;
         let tap = tap(log.clone(), &bus.name);
-        let served = serve::Served { wire, power_on, tap };
+        let served = serve::Served { bus: servos, power_on, tap };
         open.push((Port::open(&args.listen, u16::try_from(open.len())?)?, bus, served));
     }
     if open.is_empty() {
         bail!("{}: all servos hang on a board's pins, and none on a port", args.config.display());
     }
     if let Some(path) = &args.events {
-        for (_, name, deed) in events {
-            match (deed.servo(), name) {
+        for (_, name, disturbance) in events {
+            match (disturbance.servo(), name) {
                 (Some(servo), None) => {
                     return Err(ConfigError::Absent(servo)).with_context(|| path.display().to_string());
                 }
@@ -165,7 +173,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn announce(open: &[(Port, config::Served, serve::Served)], json: bool) -> anyhow::Result<()> {
+fn announce(open: &[(Port, ServedBus, serve::Served)], json: bool) -> anyhow::Result<()> {
     let mut ports = Vec::new();
     for (port, bus, _) in open {
         let ids: Vec<u8> = bus.servos.iter().map(|(servo, _)| servo.id).collect();
@@ -180,7 +188,7 @@ fn announce(open: &[(Port, config::Served, serve::Served)], json: bool) -> anyho
     let mut out = std::io::stdout().lock();
     if json {
         let ids: Vec<u8> = ports.iter().flat_map(|(.., ids)| ids).copied().collect();
-        let bus = |(bus, port, ids): &(&config::Served, String, Vec<u8>)| serde_json::json!({ "name": bus.name, "kind": bus.kind.name(), "port": port, "ids": ids });
+        let bus = |(bus, port, ids): &(&ServedBus, String, Vec<u8>)| serde_json::json!({ "name": bus.name, "kind": bus.kind.name(), "port": port, "ids": ids });
         let buses: Vec<_> = ports.iter().map(bus).collect();
         writeln!(out, "{}", serde_json::json!({ "port": port, "ids": ids, "buses": buses }))?;
     } else {

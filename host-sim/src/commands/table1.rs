@@ -3,8 +3,9 @@
 use anyhow::{Context, Result, bail};
 use decoder_core::Limits;
 use decoder_core::mclip::{Clip as Packed, CodecId};
-use encoder::mclip::{Encoded, Encoder, Quality, Settings};
-use encoder::qmd::{self, Method, Parameters, Source};
+use encoder::mclip::{Encoded, Encoder, Encoding, Quality};
+use encoder::qmd::{self, Method, Parameters};
+use encoder::source::Source;
 use mocap::metrics::Evaluator;
 use mocap::{Clip, import};
 use std::path::{Path, PathBuf};
@@ -264,16 +265,16 @@ fn packed_row(folder: &Path, trial: &Trial) -> Result<PackedRow> {
     let (paper_bytes, faithful) = measure(&clip, Method::FAITHFUL).with_context(|| name.clone())?;
     let encoder = Encoder::new(&clip.skeleton, &clip.motion).with_context(|| name.clone())?;
     let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
-    let settings = Settings::new(CodecId::Qmd);
-    let mut found = (1..=settings.most_bits())
-        .map(|bits| (bits, encoder.measured(&settings, Quality::Bits(bits), &evaluator)));
+    let encoding = Encoding::new(CodecId::Qmd);
+    let mut found = (1..=encoding.most_bits())
+        .map(|bits| anyhow::Ok((bits, encoder.measured(&encoding, Quality::Bits(bits), &evaluator)?)));
     let mut tried = Vec::new();
     let mut within = |limit_cm: f64, most_part: f64| -> Result<Point> {
         while tried.iter().all(|(_, encoded): &(u8, Encoded)| encoded.mean_joint_cm > limit_cm) {
             tried.push(
                 found
                     .next()
-                    .with_context(|| format!("{name}: no number of bits has an error of {limit_cm} cm"))?,
+                    .with_context(|| format!("{name}: no number of bits has an error of {limit_cm} cm"))??,
             );
         }
         let smallest = tried

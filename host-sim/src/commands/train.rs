@@ -2,9 +2,9 @@
 
 use super::rd::named;
 use anyhow::{Context, Result};
-use decoder_core::mclip::CodecId;
-use encoder::mclip::train::{Score, Search, Steps, scores, train};
-use encoder::mclip::{Encoder, Settings};
+use encoder::codec::adpcm::{Adpcm, StepAdaptation};
+use encoder::mclip::Encoder;
+use encoder::train::{Score, Search, scores, train};
 use host_sim::files;
 use host_sim::rd::{Named, resample};
 use std::fmt::Write as _;
@@ -18,7 +18,7 @@ use std::process::ExitCode;
 /// takes the skeleton of its subject from its folder: 02.asf for 02_01.amc.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  bunraku train cmu/01_04.amc cmu/14_09.amc --held-out cmu/02_01.amc --fps 30,120 -o encoder/src/mclip/multipliers.rs"
+    after_help = "Example:\n  bunraku train cmu/01_04.amc cmu/14_09.amc --held-out cmu/02_01.amc --fps 30,120 -o encoder/src/codec/adpcm/multipliers.rs"
 )]
 pub struct Args {
     /// The motions to train on: .amc or .bvh.
@@ -46,7 +46,7 @@ pub struct Args {
 struct Row {
     bits: u8,
     #[serde(flatten)]
-    steps: Steps,
+    steps: StepAdaptation,
     /// Steps that do not adapt, Jayant's multipliers with the lowest step that suits them best, and those that were
     /// trained.
     still: Mean,
@@ -79,7 +79,6 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let motions = motions(&args.inputs, &args.fps)?;
     let held_out = motions_or(&args.held_out, &args.fps, &motions)?;
     let (training, testing) = (encoders(&motions)?, encoders(&held_out)?);
-    let settings = Settings { adapt_step: true, ..Settings::new(CodecId::Adpcm) };
     let mut rows = Vec::new();
     let (fewest, most) = (args.bits[0].min(args.bits[1]), args.bits[0].max(args.bits[1]));
     if !args.json {
@@ -93,11 +92,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
         );
     }
     for bits in fewest..=most {
-        let jayant = train(&training, &settings, bits, Search::Lowest);
-        let steps = train(&training, &settings, bits, Search::All);
-        let still = Steps { multipliers: [0; 8], lowest: 0 };
-        let [still, jayant, trained] =
-            [still, jayant, steps].map(|steps| Mean::of(&scores(&testing, &settings, bits, steps)));
+        let jayant = train(&training, Adpcm::BOTH, bits, Search::Lowest)?;
+        let steps = train(&training, Adpcm::BOTH, bits, Search::All)?;
+        let mean = |steps| anyhow::Ok(Mean::of(&scores(&testing, Adpcm::BOTH, bits, steps)?));
+        let (still, jayant, trained) = (mean(StepAdaptation::STILL)?, mean(jayant)?, mean(steps)?);
         if !args.json {
             let (fixed, entropy) = trained.saves(jayant);
             println!(
@@ -166,7 +164,7 @@ fn source(args: &Args, rows: &[Row]) -> Result<String> {
     if !rates.is_empty() {
         words.push(format!("--fps {}", rates.join(",")));
     }
-    words.push("-o encoder/src/mclip/multipliers.rs".to_owned());
+    words.push("-o encoder/src/codec/adpcm/multipliers.rs".to_owned());
     writeln!(out, "//! ```text")?;
     for line in words.chunks(8) {
         writeln!(out, "//! {}", line.join(" "))?;

@@ -1,11 +1,11 @@
 //! The hosts of a virtual device, on TCP connections or a pseudo terminal, none of which is ever waited for.
 
-#[cfg(unix)]
-use crate::servos::serve::Pty;
 use anyhow::{Context, Result};
 use firmware::link::session::Session;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
+#[cfg(unix)]
+use virtual_servos::serve::Pty;
 
 /// Hosts that a device talks to at a time.
 const HOSTS: usize = 4;

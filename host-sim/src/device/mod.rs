@@ -5,8 +5,6 @@ mod hosts;
 pub use hosts::{Hosts, Listener};
 
 use crate::flash::Flash;
-use crate::servos::line::{Instantly, Line};
-use crate::servos::{Bus, BusConfig, ServoConfig};
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::mclip::Needs;
 use decoder_core::{I16F16, Limits};
@@ -24,6 +22,10 @@ use servo_wire::dynamixel::{DynamixelBus, DynamixelClient};
 use servo_wire::port::{Automatic, LineConfig, Port};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
+use virtual_servos::config::ServoConfig;
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::uart::{InProcessUart, ZeroDelay};
+use virtual_servos::virtual_bus::VirtualBus;
 
 /// Bytes of a sector of the virtual flash.
 pub const SECTOR: usize = 4096;
@@ -86,11 +88,15 @@ pub fn run_device(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn
 
     let joints = map.joints().iter();
     let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
-    let mut servos = Bus::new(&BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) })?;
+    let mut servos = DynamixelServos::new(&DynamixelConfig {
+        servos: servos.collect(),
+        ..DynamixelConfig::with_ids(&[])
+    })?;
     let power_on = Instant::now();
-    let line = Line::new(|bytes: &[u8]| servos.receive(bytes, micros(power_on.elapsed()), &mut |_| ()));
+    let line =
+        InProcessUart::new(|bytes: &[u8]| servos.receive(bytes, micros(power_on.elapsed()), &mut |_| ()));
     let baud = map.buses().first().map_or(0, |bus| bus.baud);
-    let port = Port::new(line, Automatic, Instantly, LineConfig::uart(baud));
+    let port = Port::new(line, Automatic, ZeroDelay, LineConfig::uart(baud));
     let mut bus = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
 
     let live = live(config);

@@ -305,13 +305,13 @@ impl Streamer<'_> {
 mod tests {
     use super::*;
     use decoder_core::mclip::CodecId;
-    use encoder::mclip::{Encoder, Quality, Settings as Coding};
+    use encoder::mclip::{Encoder, Encoding, Quality};
 
     #[test]
     fn a_clip_comes_apart_and_together() {
         let sample = mocap::sample::clip();
         let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
-        let clip = encoder.encode(&Coding::new(CodecId::Dpcm), Quality::Bits(8));
+        let clip = encoder.encode(&Encoding::new(CodecId::Dpcm), Quality::Bits(8)).unwrap();
         let parts = StreamedClip::new(&clip).unwrap();
         let each = (0..parts.blocks.len()).map(|block| parts.packet(block, 1));
         let blocks: Vec<u8> = each.flat_map(|(bytes, _)| bytes).copied().collect();
@@ -345,8 +345,8 @@ mod tests {
     fn short_blocks_go_together_as_far_as_there_is_room() {
         let sample = mocap::sample::clip();
         let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
-        let settings = Coding { block_bytes: 200, ..Coding::new(CodecId::Dpcm) };
-        let clip = encoder.encode(&settings, Quality::Bits(8));
+        let encoding = Encoding { block_bytes: 200, ..Encoding::new(CodecId::Dpcm) };
+        let clip = encoder.encode(&encoding, Quality::Bits(8)).unwrap();
         let parts = StreamedClip::new(&clip).unwrap();
         let (mut next, mut packets, mut sent) = (0, 0, parts.clip[..parts.header].to_vec());
         loop {

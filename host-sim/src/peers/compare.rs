@@ -10,8 +10,9 @@ use crate::profile::measure::{self, Measured};
 use crate::profile::{self, LoadedImage};
 use anyhow::{Context, Result, bail};
 use decoder_core::mclip::{CodecId, EntropyId};
-use encoder::mclip::{Encoder, Quality, Settings, Target};
-use encoder::qmd::{self, Parameters, Source};
+use encoder::mclip::{Encoder, Encoding, Quality, Target};
+use encoder::qmd::{self, Parameters};
+use encoder::source::Source;
 use mocap::metrics::Evaluator;
 use serde::Serialize;
 use std::path::Path;
@@ -75,14 +76,14 @@ impl Blocks {
             Self::DpcmHuffman | Self::DpcmCoarse => (CodecId::Dpcm, EntropyId::Huffman),
             Self::QmdHuffman => (CodecId::Qmd, EntropyId::Huffman),
         };
-        let settings = Settings { entropy: Some(entropy), ..Settings::new(codec) };
+        let encoding = Encoding { entropy: Some(entropy), ..Encoding::new(codec) };
         let encoder = Encoder::new(&clip.skeleton, &clip.motion)?;
-        let to = |cm| encoder.encode_to(&settings, Target::Error(cm), evaluator).bytes;
+        let to = |cm| encoder.encode_to(&encoding, Target::Error(cm), evaluator).map(|encoded| encoded.bytes);
         Ok(match self {
             Self::DpcmFixed | Self::DpcmHuffman => to(fine),
             Self::DpcmCoarse => to(0.1),
-            Self::QmdHuffman => encoder.encode(&settings, Quality::Bits(8)),
-        })
+            Self::QmdHuffman => encoder.encode(&encoding, Quality::Bits(8)),
+        }?)
     }
 }
 

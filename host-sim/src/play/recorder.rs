@@ -1,13 +1,15 @@
 //! Virtual servos on a line, and what they are told.
 
 use super::recording::{Recording, Taken, seconds};
-use crate::servos::pins::Pins;
-use crate::servos::{Bus, BusConfig, ConfigError, Deed, Event, ServoConfig};
 use anyhow::{Result, bail};
 use firmware::map::{BusKind, Joint};
 use puppet_file::Map;
 use servo_wire::dynamixel::table::GOAL_POSITION;
 use servo_wire::dynamixel::{Framer, Instruction, Packet};
+use virtual_servos::config::{ConfigError, ServoConfig};
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::hobby::Pins;
+use virtual_servos::virtual_bus::{Disturbance, Event, VirtualBus};
 
 /// Longest packet of a player with 32 servos.
 const LONGEST: usize = 640;
@@ -16,7 +18,7 @@ const LONGEST: usize = 640;
 /// the end of the tick.
 pub(crate) struct Recorder<'m> {
     map: &'m Map,
-    servos: Bus,
+    servos: DynamixelServos,
     framer: Framer<LONGEST>,
     /// The bytes of the packet that is not yet whole.
     packet: Vec<u8>,
@@ -69,11 +71,11 @@ impl<'m> Recorder<'m> {
         let servos = joints()
             .filter(|joint| kind(joint) == Some(BusKind::Dynamixel))
             .map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
-        let config = BusConfig { servos: servos.collect(), ..BusConfig::with_ids(&[]) };
+        let config = DynamixelConfig { servos: servos.collect(), ..DynamixelConfig::with_ids(&[]) };
         let on_pins = joints().filter_map(|joint| Some((kind(joint)?, joint.id)));
         Ok(Self {
             map,
-            servos: Bus::new(&config)?,
+            servos: DynamixelServos::new(&config)?,
             framer: Framer::new(),
             packet: Vec::new(),
             recording: Recording::default(),
@@ -91,7 +93,12 @@ impl<'m> Recorder<'m> {
     /// is told something.
     pub(crate) fn end_tick(&mut self, pins: &Pins) {
         let Self { map, recording, on_pins, looked, on_line, .. } = self;
-        let pulses = on_pins.iter().filter_map(|&(kind, id)| Some((id, pins.pulse_us(kind, id)?)));
+        let pulse_us = |kind: BusKind, id: u8| match kind {
+            BusKind::Pwm => pins.pwm_us(id),
+            BusKind::Pca9685 => pins.pca9685_us(id),
+            _ => None,
+        };
+        let pulses = on_pins.iter().filter_map(|&(kind, id)| Some((id, pulse_us(kind, id)?)));
         let pulses: Vec<(u8, i32)> = pulses.collect();
         if *on_line == 0 && (recording.ticks > 0 || !pulses.is_empty()) {
             recording.ticks += 1;
@@ -105,9 +112,9 @@ impl<'m> Recorder<'m> {
     }
 
     /// Has something happen to the servos at a tick; what they refuse and miss is no failure of the recording then.
-    pub(crate) fn schedule(&mut self, tick: u32, deed: Deed) -> Result<(), ConfigError> {
+    pub(crate) fn schedule(&mut self, tick: u32, disturbance: Disturbance) -> Result<(), ConfigError> {
         self.disturbed = true;
-        self.servos.schedule(self.map.tick_micros(tick), deed)
+        self.servos.schedule(self.map.tick_micros(tick), disturbance)
     }
 
     /// Lets servos refuse and miss goals, and packets be garbled.

@@ -1,6 +1,7 @@
-//! Plays a clip or follows live frames on real ports, in real time.
+//! Plays a clip or follows live frames on ports, each tick when it is due by a clock.
 
-use super::serial::{block_on, until};
+use super::clock::Clock;
+use super::serial::block_on;
 use crate::play::{Recording, Taken};
 use anyhow::{Result, bail};
 use firmware::control_loop::{Surroundings, control_loop};
@@ -17,7 +18,7 @@ use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::Receiver;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// What playing on a port came to.
 #[derive(Clone, Debug)]
@@ -45,12 +46,13 @@ pub fn play(
     map: &Map,
     rate: u16,
     bus: impl ServoBus,
+    clock: &impl Clock,
     asked: &AtomicUsize,
     say: &mut dyn FnMut(&str),
 ) -> Result<Played> {
     let frames =
         Playback::new(frames, map, false, 0).map(Playback::into_frames).map_err(|(error, _)| error)?;
-    perform(SingleClip::new(frames, Some(rate)), map, bus, asked, say, &mut || None)
+    perform(SingleClip::new(frames, Some(rate)), map, bus, clock, asked, say, &mut || None)
 }
 
 /// Follows live frames in goal units that come as bytes, from finding the servos until somebody asks for an end or the one who sends
@@ -63,6 +65,7 @@ pub fn follow(
     lost_millis: u16,
     map: &Map,
     bus: impl ServoBus,
+    clock: &impl Clock,
     asked: &AtomicUsize,
     say: &mut dyn FnMut(&str),
 ) -> Result<(Played, Counters)> {
@@ -72,7 +75,7 @@ pub fn follow(
         input.try_iter().for_each(|bytes| follow.feed(&bytes));
         follow.tick().then_some(Command::LinkLost)
     };
-    let played = perform(SingleClip::new(follow.frames(), None), &map, bus, asked, say, &mut tick)?;
+    let played = perform(SingleClip::new(follow.frames(), None), &map, bus, clock, asked, say, &mut tick)?;
     Ok((played, follow.counters()))
 }
 
@@ -81,6 +84,7 @@ fn perform<L: Library>(
     library: L,
     map: &Map,
     bus: impl ServoBus,
+    clock: &impl Clock,
     asked: &AtomicUsize,
     say: &mut dyn FnMut(&str),
     each_tick: &mut dyn FnMut() -> Option<Command>,
@@ -90,16 +94,17 @@ fn perform<L: Library>(
     let acted = Cell::new(Duration::ZERO);
     let mut bus = Watched {
         bus,
+        clock,
         acted: &acted,
         start: None,
         busy: Duration::ZERO,
         longest: Duration::ZERO,
         taken: Vec::new(),
     };
-    let start = Instant::now();
-    let mut surroundings = RealTime {
+    let mut surroundings = Ticks {
         map,
-        start,
+        clock,
+        start: clock.now(),
         acted: &acted,
         asked,
         told: 0,
@@ -126,53 +131,54 @@ fn perform<L: Library>(
 }
 
 /// A bus, what goes over it, and how long that takes.
-struct Watched<'c, B> {
+struct Watched<'c, B, C> {
     bus: B,
+    clock: &'c C,
     /// Time that actions have taken since somebody looked: servos that are looked for, turned on and watched one by one.
     acted: &'c Cell<Duration>,
-    start: Option<Instant>,
+    start: Option<Duration>,
     /// Time that this tick's goals and action have taken.
     busy: Duration,
     longest: Duration,
     taken: Vec<Taken>,
 }
 
-impl<B> Watched<'_, B> {
+impl<B, C: Clock> Watched<'_, B, C> {
     /// Notes what an action took that began at `start`.
-    fn acted(&self, start: Instant) {
-        self.acted.set(self.acted.get() + start.elapsed());
+    fn acted(&self, start: Duration) {
+        self.acted.set(self.acted.get() + self.clock.now() - start);
     }
 
     /// Adds what a call took that began at `start`.
-    fn took(&mut self, start: Instant) {
-        self.busy += start.elapsed();
+    fn took(&mut self, start: Duration) {
+        self.busy += self.clock.now() - start;
         self.longest = self.longest.max(self.busy);
     }
 }
 
-impl<B: ServoBus> ServoBus for Watched<'_, B> {
+impl<B: ServoBus, C: Clock> ServoBus for Watched<'_, B, C> {
     fn reads(&self, index: usize) -> bool {
         self.bus.reads(index)
     }
 
     async fn ping(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
-        let start = Instant::now();
+        let start = self.clock.now();
         let result = self.bus.ping(ids, index).await;
         self.acted(start);
         result
     }
 
     async fn set_torque(&mut self, ids: &[u8], index: usize, on: bool) -> Result<(), BusError> {
-        let start = Instant::now();
+        let start = self.clock.now();
         let result = self.bus.set_torque(ids, index, on).await;
         self.acted(start);
         result
     }
 
     async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError> {
-        let now = Instant::now();
+        let now = self.clock.now();
         self.busy = Duration::ZERO;
-        let time_us = now.duration_since(*self.start.get_or_insert(now)).as_micros() as u64;
+        let time_us = (now - *self.start.get_or_insert(now)).as_micros() as u64;
         let result = self.bus.write_goals(goals).await;
         if result.is_ok() {
             self.taken.extend(goals.iter().map(|goal| Taken {
@@ -186,30 +192,33 @@ impl<B: ServoBus> ServoBus for Watched<'_, B> {
     }
 
     async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
-        let start = Instant::now();
+        let start = self.clock.now();
         let result = self.bus.read_all(ids, readings).await;
         self.took(start);
         result
     }
 
     async fn reboot(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
-        let start = Instant::now();
+        let start = self.clock.now();
         let result = self.bus.reboot(ids, index).await;
         self.acted(start);
         result
     }
 
     async fn set_watchdog(&mut self, ids: &[u8], millis: u16) -> Result<(), BusError> {
-        let start = Instant::now();
+        let start = self.clock.now();
         let result = self.bus.set_watchdog(ids, millis).await;
         self.acted(start);
         result
     }
 }
 
-struct RealTime<'a> {
+/// Ticks when they are due.
+struct Ticks<'a, C> {
     map: &'a Map,
-    start: Instant,
+    clock: &'a C,
+    /// When tick 0 was due.
+    start: Duration,
     acted: &'a Cell<Duration>,
     asked: &'a AtomicUsize,
     /// How often of that the machine was told.
@@ -221,21 +230,21 @@ struct RealTime<'a> {
     late: u32,
 }
 
-impl RealTime<'_> {
+impl<C> Ticks<'_, C> {
     fn tell(&mut self, what: &str) {
         (self.say)(what);
     }
 }
 
-impl<L: Library> Surroundings<L, MAX_SERVOS> for RealTime<'_> {
+impl<L: Library, C: Clock> Surroundings<L, MAX_SERVOS> for Ticks<'_, C> {
     async fn wait(&mut self, tick: u32) -> bool {
         // An adapter that takes 16 ms an exchange takes long to turn on many servos; time waits for it as long.
         let due = self.start + Duration::from_micros(self.map.tick_micros(tick));
-        self.start += self.acted.take().min(Instant::now().saturating_duration_since(due));
+        self.start += self.acted.take().min(self.clock.now().saturating_sub(due));
         let due = self.start + Duration::from_micros(self.map.tick_micros(tick));
         let next = self.start + Duration::from_micros(self.map.tick_micros(tick.wrapping_add(1)));
-        until(due).await;
-        let late = Instant::now() > next;
+        self.clock.until(due).await;
+        let late = self.clock.now() > next;
         self.late += u32::from(late);
         self.ticks = tick;
         late

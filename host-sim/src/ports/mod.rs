@@ -1,9 +1,11 @@
-//! Real ports: the firmware's bus clients on serial ports of this machine, in real time.
+//! Real ports: the firmware's bus clients on serial ports of this machine.
 
 mod bus;
+mod clock;
 mod live;
 mod serial;
 
 pub use bus::{Buses, Identity, RETURN_DELAY_US, SLACK_US, SerialBus, open, paths};
+pub use clock::{Clock, ComputerClock};
 pub use live::{Played, follow, play};
 pub use serial::block_on;

@@ -92,7 +92,7 @@ pub fn on_skeleton(path: &Path, bytes: &[u8], motion: &Motion, skeleton: &Skelet
 mod tests {
     use super::*;
     use decoder_core::mclip::CodecId;
-    use encoder::mclip::{Encoder, Quality, Settings};
+    use encoder::mclip::{Encoder, Encoding, Quality};
 
     /// A clip that names its channels says which they are, whatever skeleton there is.
     #[test]
@@ -100,8 +100,10 @@ mod tests {
         let sample = mocap::sample::clip();
         let kept = ["lradius.rx", "root.ty"].map(|name| sample.skeleton.channel(name).unwrap());
         let (skeleton, motion) = (sample.skeleton.with_channels(&kept), sample.motion.with_channels(&kept));
-        let bytes =
-            Encoder::new(&skeleton, &motion).unwrap().encode(&Settings::new(CodecId::Dpcm), Quality::Bits(8));
+        let bytes = Encoder::new(&skeleton, &motion)
+            .unwrap()
+            .encode(&Encoding::new(CodecId::Dpcm), Quality::Bits(8))
+            .unwrap();
         let path = Path::new("clip.mclip");
         let clip = Clip::parse(path, &bytes).unwrap();
         let mut text = "servo_hz = 50\nbaud = 1_000_000\n".to_owned();

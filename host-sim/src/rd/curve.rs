@@ -1,7 +1,10 @@
 //! The curves: a codec with its settings, and the qualities that it is swept over.
 
 use decoder_core::mclip::{CodecId, EntropyId};
-use encoder::mclip::{self, Predictor, Settings};
+use encoder::codec::CodecSettings;
+use encoder::codec::adpcm::Adpcm;
+use encoder::codec::dpcm::{Dpcm, Order};
+use encoder::mclip::{self, Encoding};
 
 /// A codec whose quality is swept.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,9 +19,9 @@ pub struct Curve {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sweep {
     /// Bits of a code, the same in every channel (.mclip).
-    Bits(Settings),
+    Bits(Encoding),
     /// Steps that move the joints alike in every channel (.mclip).
-    Steps(Settings),
+    Steps(Encoding),
     /// Leading channels that stay floats, FDF, from none to all, with indices of so many bits (.qmd).
     Fixed {
         /// The paper's b, 8 to 16.
@@ -32,7 +35,7 @@ pub enum Sweep {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quality {
     /// As [`Sweep::Bits`] and [`Sweep::Steps`] say.
-    Mclip(Settings, mclip::Quality),
+    Mclip(Encoding, mclip::Quality),
     /// As [`Sweep::Fixed`] says.
     Qmd {
         /// b.
@@ -60,24 +63,23 @@ impl Curve {
 
     /// Direct quantisation with uniform steps between a channel's lowest and highest value (7-4; figures 7-2, 7-3).
     pub fn pcm() -> Self {
-        Self::new("pcm", Sweep::Bits(Settings::new(CodecId::Pcm)))
+        Self::new("pcm", Sweep::Bits(Encoding::new(CodecId::Pcm)))
     }
 
     /// First-order prediction, differences in mu-law steps (7-5, 7-14; figure 7-6).
     pub fn mulaw() -> Self {
-        Self::new("mulaw", Sweep::Bits(Settings::new(CodecId::MuLaw)))
+        Self::new("mulaw", Sweep::Bits(Encoding::new(CodecId::MuLaw)))
     }
 
     /// First-order prediction, differences in uniform steps (7-4, 7-14; figures 7-5, 7-6).
     pub fn dpcm_first() -> Self {
-        let settings = Settings { predictor: Predictor::First, ..Settings::new(CodecId::Dpcm) };
-        Self::new("dpcm order 1", Sweep::Bits(settings))
+        let first = Dpcm { order: Order::First, ..Dpcm::default() };
+        Self::new("dpcm order 1", Sweep::Bits(Encoding::of(first)))
     }
 
     /// An adaptive quantiser behind an adaptive second-order predictor (7-7, 7-15; figures 7-7, 7-8).
     pub fn adpcm_both() -> Self {
-        let settings = Settings { adapt_step: true, ..Settings::new(CodecId::Adpcm) };
-        Self::new("adpcm both", Sweep::Bits(settings))
+        Self::new("adpcm both", Sweep::Bits(Encoding::of(Adpcm::BOTH)))
     }
 
     /// A .qmd with indices of `index_bits` bits, over FDF (QMD figures 5, 6).
@@ -86,28 +88,23 @@ impl Curve {
         Self { name, sweep: Sweep::Fixed { index_bits, faithful } }
     }
 
-    /// The curves of a codec.
+    /// The curves of a codec: over bits for all settings that deserve one, and over steps where the standard settings have
+    /// free steps.
     pub fn of(codec: CodecId) -> Vec<Self> {
-        let settings = Settings::new(codec);
-        match codec {
-            CodecId::Pcm => vec![Self::pcm(), Self::new("pcm steps", Sweep::Steps(settings))],
-            CodecId::MuLaw => vec![Self::mulaw()],
-            CodecId::Dpcm => vec![
-                Self::dpcm_first(),
-                Self::new("dpcm order 2", Sweep::Bits(settings)),
-                Self::new("dpcm order 2 steps", Sweep::Steps(settings)),
-            ],
-            CodecId::Adpcm => {
-                let quantiser = Settings { adapt_step: true, predictor: Predictor::Second, ..settings };
-                vec![
-                    Self::adpcm_both(),
-                    Self::new("adpcm quantiser", Sweep::Bits(quantiser)),
-                    Self::new("adpcm predictor", Sweep::Bits(settings)),
-                    Self::new("adpcm predictor steps", Sweep::Steps(settings)),
-                ]
+        let mut curves = Vec::new();
+        for (name, settings) in CodecSettings::curves(codec) {
+            let encoding = Encoding::of(settings);
+            let name = format!("{} {name}", codec.name());
+            curves.push(Self::new(name.trim_end(), Sweep::Bits(encoding)));
+            if settings == CodecSettings::new(codec) && encoding.has_free_steps() {
+                curves.push(Self::new(&format!("{} steps", name.trim_end()), Sweep::Steps(encoding)));
             }
-            CodecId::Qmd => vec![Self::new("qmd packed", Sweep::Bits(settings)), Self::qmd(8, false)],
         }
+        if codec == CodecId::Qmd {
+            // The codec has a container of its own too.
+            curves.push(Self::qmd(8, false));
+        }
+        curves
     }
 
     /// Whether it can have one entropy stage or another: a .qmd has none.
@@ -117,17 +114,17 @@ impl Curve {
 
     /// The curve with another entropy stage, which its name then says. A .qmd has none.
     pub fn with_entropy(mut self, entropy: EntropyId) -> Self {
-        if let Sweep::Bits(settings) | Sweep::Steps(settings) = &mut self.sweep {
-            settings.entropy = Some(entropy);
+        if let Sweep::Bits(encoding) | Sweep::Steps(encoding) = &mut self.sweep {
+            encoding.entropy = Some(entropy);
             self.name = format!("{}, {}", self.name, entropy.name());
         }
         self
     }
 
     /// The codec.
-    pub const fn codec(&self) -> CodecId {
+    pub fn codec(&self) -> CodecId {
         match &self.sweep {
-            Sweep::Bits(settings) | Sweep::Steps(settings) => settings.codec,
+            Sweep::Bits(encoding) | Sweep::Steps(encoding) => encoding.codec.id(),
             Sweep::Fixed { .. } => CodecId::Qmd,
         }
     }
@@ -135,14 +132,14 @@ impl Curve {
     /// The qualities for a motion of so many channels, the same number of them for any; coarsest first.
     pub fn qualities(&self, channels: usize) -> Vec<Quality> {
         match self.sweep {
-            Sweep::Bits(settings) => BITS
-                .filter(|&bits| bits <= settings.most_bits())
-                .map(|bits| Quality::Mclip(settings, mclip::Quality::Bits(bits)))
+            Sweep::Bits(encoding) => BITS
+                .filter(|&bits| bits <= encoding.most_bits())
+                .map(|bits| Quality::Mclip(encoding, mclip::Quality::Bits(bits)))
                 .collect(),
-            Sweep::Steps(settings) => (0..=STEPS.1)
+            Sweep::Steps(encoding) => (0..=STEPS.1)
                 .rev()
                 .map(|power| {
-                    Quality::Mclip(settings, mclip::Quality::Step(STEPS.0 * f64::from(power).exp2()))
+                    Quality::Mclip(encoding, mclip::Quality::Step(STEPS.0 * f64::from(power).exp2()))
                 })
                 .collect(),
             Sweep::Fixed { index_bits, faithful } => (0..=FIXED)
@@ -159,6 +156,14 @@ impl Curve {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_codec_has_a_curve_for_settings_that_deserve_one_and_for_free_steps() {
+        let names = |codec| Curve::of(codec).into_iter().map(|curve| curve.name).collect::<Vec<_>>();
+        assert_eq!(names(CodecId::Pcm), ["pcm", "pcm steps"]);
+        assert_eq!(names(CodecId::Dpcm), ["dpcm order 1", "dpcm order 2", "dpcm order 2 steps"]);
+        assert_eq!(names(CodecId::Qmd), ["qmd packed", ".qmd b 8"]);
+    }
 
     #[test]
     fn names_tell_curves_apart_and_every_motion_has_as_many_qualities() {

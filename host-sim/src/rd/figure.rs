@@ -39,8 +39,8 @@ impl Figure {
     /// asked for: direct quantisation none, the others the smallest.
     pub fn curves(self, faithful: bool) -> Vec<Curve> {
         let plain = |mut curve: Curve| {
-            if let Sweep::Bits(settings) = &mut curve.sweep {
-                settings.entropy = Some(EntropyId::FixedWidth);
+            if let Sweep::Bits(encoding) = &mut curve.sweep {
+                encoding.entropy = Some(EntropyId::FixedWidth);
             }
             curve
         };

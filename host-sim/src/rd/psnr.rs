@@ -12,8 +12,14 @@
 use super::Named;
 use anyhow::{Context, Result};
 use decoder_core::Limits;
+use decoder_core::codec::adpcm::Adaptation;
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, Clip, CodecId, EntropyId};
-use encoder::mclip::{Density, Encoder, Predictor, Quality, Settings, decode};
+use encoder::codec::CodecSettings;
+use encoder::codec::adpcm::Adpcm;
+use encoder::codec::dpcm::{Dpcm, Order};
+use encoder::codec::qmd::Qmd;
+use encoder::lloyd_max::Density;
+use encoder::mclip::{Encoder, Encoding, Quality, decode};
 use mocap::metrics;
 use rayon::prelude::*;
 
@@ -25,23 +31,28 @@ pub struct Method {
     /// The section that it is from; none where it is ours.
     pub section: Option<&'static str>,
     /// How it is encoded.
-    pub settings: Settings,
+    pub encoding: Encoding,
 }
 
 impl Method {
     /// All methods, in the order of the document's sections and then ours.
     pub fn all() -> Vec<Self> {
         let (fixed, huffman) = (Some(EntropyId::FixedWidth), Some(EntropyId::Huffman));
-        let of = |codec, entropy| Settings { entropy, entry_frames: usize::MAX, ..Settings::new(codec) };
-        let first = |entropy| Settings { predictor: Predictor::First, ..of(CodecId::Dpcm, entropy) };
-        let both = |entropy| Settings { adapt_step: true, ..of(CodecId::Adpcm, entropy) };
-        let last = |entropy| Settings { predictor: Predictor::Last, ..of(CodecId::Dpcm, entropy) };
-        let max = |density, entropy| Settings { density: Some(density), ..of(CodecId::Qmd, entropy) };
-        let sliding = |window| Settings {
-            predictor: Predictor::Adaptive { window, period: 4 },
-            ..of(CodecId::Adpcm, huffman)
+        let with = |settings: CodecSettings, entropy| Encoding {
+            entropy,
+            entry_frames: usize::MAX,
+            ..Encoding::of(settings)
         };
-        let method = |name, section, settings| Self { name, section, settings };
+        let of = |codec, entropy| with(CodecSettings::new(codec), entropy);
+        let dpcm = |order, entropy| with(Dpcm { order, ..Dpcm::default() }.into(), entropy);
+        let (last, first) = (|entropy| dpcm(Order::Zero, entropy), |entropy| dpcm(Order::First, entropy));
+        let both = |entropy| with(Adpcm::BOTH.into(), entropy);
+        let max = |density, entropy| with(Qmd { density: Some(density) }.into(), entropy);
+        let sliding = |window| {
+            let predictor = Some(Adaptation { window, period: 4 });
+            with(Adpcm { predictor, ..Adpcm::default() }.into(), huffman)
+        };
+        let method = |name, section, encoding| Self { name, section, encoding };
         vec![
             method("direct", Some("7.2"), of(CodecId::Pcm, fixed)),
             method("direct, Huffman", Some("7.4"), of(CodecId::Pcm, huffman)),
@@ -120,7 +131,7 @@ fn reach(method: &Method, named: &Named, db: f64) -> Result<Reached> {
     let (skeleton, motion) = (&named.clip.skeleton, &named.clip.motion);
     let encoder = Encoder::new(skeleton, motion).with_context(|| format!("cannot encode {}", named.name))?;
     let attempt = |quality: Quality| -> Result<Tried> {
-        let bytes = encoder.encode(&method.settings, quality);
+        let bytes = encoder.encode(&method.encoding, quality)?;
         let decoded = decode(&bytes)?;
         let report = metrics::compare(skeleton, motion, &decoded, bytes.len() as u64)?;
         Ok(Tried {
@@ -130,10 +141,10 @@ fn reach(method: &Method, named: &Named, db: f64) -> Result<Reached> {
             bytes: bytes.len() as u64,
         })
     };
-    let (found, code_bytes_at) = if method.section.is_none() && method.settings.has_free_steps() {
+    let (found, code_bytes_at) = if method.section.is_none() && method.encoding.has_free_steps() {
         by_steps(attempt, db)?
     } else {
-        by_bits(attempt, db, method.settings.most_bits())?
+        by_bits(attempt, db, method.encoding.most_bits())?
     };
     let raw_bytes = motion.samples.len() as u64 * 2;
     Ok(Reached {

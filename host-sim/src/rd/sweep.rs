@@ -6,7 +6,8 @@ use anyhow::{Context, Result};
 use decoder_core::Limits;
 use decoder_core::mclip::Clip;
 use encoder::mclip::{self, Encoder};
-use encoder::qmd::{self, Method, Parameters, Source};
+use encoder::qmd::{self, Method, Parameters};
+use encoder::source::Source;
 use mocap::metrics::{self, Report};
 use rayon::prelude::*;
 use std::io::Write;
@@ -149,7 +150,7 @@ impl<'m> Ready<'m> {
 
     fn encode(&self, quality: Quality) -> Result<Vec<u8>> {
         match quality {
-            Quality::Mclip(settings, quality) => Ok(self.encoder.encode(&settings, quality)),
+            Quality::Mclip(encoding, quality) => Ok(self.encoder.encode(&encoding, quality)?),
             Quality::Qmd { index_bits, fixed_channels, faithful } => {
                 let method = if faithful { Method::FAITHFUL } else { Method::ClosedLoop };
                 let parameters = Parameters { index_bits, fixed_channels, segment_frames: u32::MAX };

@@ -61,12 +61,12 @@ pub fn trace(named: &Named, channel: &str, curves: &[Curve], bits: &[u8]) -> Res
     let column = |motion: &mocap::Motion| motion.iter().map(|pose| pose[index]).collect::<Vec<f64>>();
     let mut decoded = Vec::new();
     for curve in curves {
-        let Sweep::Bits(settings) = curve.sweep else { continue };
+        let Sweep::Bits(encoding) = curve.sweep else { continue };
         for &bits in bits {
-            if !(1..=settings.most_bits()).contains(&bits) {
-                bail!("{} has codes of 1 to {} bits, not of {bits}", curve.name, settings.most_bits());
+            if !(1..=encoding.most_bits()).contains(&bits) {
+                bail!("{} has codes of 1 to {} bits, not of {bits}", curve.name, encoding.most_bits());
             }
-            let quality = super::curve::Quality::Mclip(settings, Quality::Bits(bits));
+            let quality = super::curve::Quality::Mclip(encoding, Quality::Bits(bits));
             let clip = sweep::decode(&sweep::encode(named, quality)?, quality)?;
             decoded.push(Decoded { curve: curve.name.clone(), bits, values: column(&clip) });
         }

@@ -3,7 +3,7 @@
 use crate::clip::Clip;
 use crate::files;
 use crate::puppet::channels;
-use crate::servos::{Deed, config};
+use crate::puppet_servos;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use decoder_core::mclip::Prefix;
 use firmware::clock::Speed;
@@ -15,6 +15,7 @@ use puppet_file::{Channels, Map, Place, Puppet};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use toml::{Spanned, Table};
+use virtual_servos::virtual_bus::Disturbance;
 
 /// Most clips of a show.
 pub const MOST_CLIPS: usize = 16;
@@ -42,7 +43,7 @@ pub struct Program {
     /// Commands and what is streamed, with their ticks, in order.
     pub orders: Vec<(u32, script::Order)>,
     /// What happens to the servos, with its tick.
-    pub deeds: Vec<(u32, Deed)>,
+    pub disturbances: Vec<(u32, Disturbance)>,
     /// All events as they were written: seconds and what.
     pub events: Vec<(f64, String)>,
 }
@@ -116,7 +117,7 @@ enum Order {
 }
 
 /// Events that are done to servos.
-const DEEDS: [&str; 4] = ["restart", "silence", "cut", "turn"];
+const DISTURBANCES: [&str; 4] = ["restart", "silence", "cut", "turn"];
 
 impl Program {
     /// Reads a show, its puppet and its clips.
@@ -145,22 +146,21 @@ impl Program {
             let number = number(name.get_ref()).ok_or_else(|| wrong(name.span(), &why()))?;
             Ok::<u16, anyhow::Error>(number as u16)
         };
-        let (mut orders, mut deeds, mut events) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut orders, mut disturbances, mut events) = (Vec::new(), Vec::new(), Vec::new());
         for event in &file.event {
             let context = || format!("{}{}", path.display(), Place::of(&text, event.span()));
             let mut table = event.get_ref().clone();
-            let at = config::at(&mut table).with_context(context)?;
+            let at = puppet_servos::at(&mut table).with_context(context)?;
             let tick = (at * f64::from(map.tick_hz())).round() as u32;
             events.push((at, told(&table)));
             let what = table.get("what").and_then(toml::Value::as_str).unwrap_or_default();
-            if DEEDS.contains(&what) {
-                let deed = config::deed(table).with_context(context)?;
-                if let Deed::Restart { servo } | Deed::Silence { servo, .. } | Deed::Turn { servo, .. } = deed
-                {
+            if DISTURBANCES.contains(&what) {
+                let disturbance = puppet_servos::disturbance(table).with_context(context)?;
+                if let Some(servo) = disturbance.servo() {
                     let known = map.joints().iter().any(|joint| joint.id == servo);
                     ensure!(known, "{}: the puppet has no servo {servo}", context());
                 }
-                deeds.push((tick, deed));
+                disturbances.push((tick, disturbance));
             } else {
                 let order = table.try_into::<Order>();
                 let order = order.map_err(|error| anyhow!("{}: {}", context(), error.message()))?;
@@ -169,7 +169,7 @@ impl Program {
             }
         }
         orders.sort_by_key(|(tick, _)| *tick);
-        deeds.sort_by_key(|(tick, _)| *tick);
+        disturbances.sort_by_key(|(tick, _)| *tick);
         events.sort_by(|(one, _), (other, _)| one.total_cmp(other));
         Ok(Self {
             name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
@@ -185,7 +185,7 @@ impl Program {
             joints,
             clips,
             orders,
-            deeds,
+            disturbances,
             events,
         })
     }

@@ -132,8 +132,8 @@ pub fn on_host(program: &Program) -> Result<Ran> {
 /// The servos, and what will happen to them.
 fn recorder(program: &Program) -> Result<Recorder<'_>> {
     let mut recorder = Recorder::new(&program.map)?;
-    for (tick, deed) in &program.deeds {
-        recorder.schedule(*tick, *deed)?;
+    for (tick, disturbance) in &program.disturbances {
+        recorder.schedule(*tick, *disturbance)?;
     }
     Ok(recorder)
 }

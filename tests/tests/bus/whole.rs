@@ -14,10 +14,12 @@ use firmware::library::Library;
 use firmware::limits::FINE_BITS;
 use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::{BusKind, BusSpec, Idle, Joint, JointMap, Policy, Settings};
-use host_sim::servos::{Bus, BusConfig, Deed, Event, ServoConfig};
 use servo_wire::dynamixel::{DynamixelBus, DynamixelClient};
 use servo_wire::port::{LineConfig, Port};
 use std::collections::BTreeMap;
+use virtual_servos::config::ServoConfig;
+use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
+use virtual_servos::virtual_bus::{Disturbance, Event, VirtualBus};
 
 const BAUD: u32 = 1_000_000;
 const HZ: u16 = 100;
@@ -84,7 +86,7 @@ impl Frames for Swing {
 
 /// The virtual servos on the wire, and what is wrong with what they are told.
 struct Virtual {
-    bus: Bus,
+    bus: DynamixelServos,
     /// Tick that is on, and the one in which each servo took a goal last, with that.
     tick: u32,
     told: [Option<(u32, i32)>; IDS.len()],
@@ -99,8 +101,14 @@ impl Virtual {
             IDS.map(|id| ServoConfig { position: HOME - 20 * i32::from(id), ..ServoConfig::new(id) });
         // What comes after the next tick's goals is older than those.
         let late = matches!(fault, Some((_, Struck::Delay(micros))) if micros > TICK_US).into();
-        let config = BusConfig { servos: servos.to_vec(), ..BusConfig::with_ids(&[]) };
-        Self { bus: Bus::new(&config).unwrap(), tick: 0, told: [None; IDS.len()], late, wrong: None }
+        let config = DynamixelConfig { servos: servos.to_vec(), ..DynamixelConfig::with_ids(&[]) };
+        Self {
+            bus: DynamixelServos::new(&config).unwrap(),
+            tick: 0,
+            told: [None; IDS.len()],
+            late,
+            wrong: None,
+        }
     }
 }
 
@@ -141,7 +149,7 @@ impl Servos for Virtual {
     }
 
     fn loosen(&mut self, servo: usize, micros: u64, now_ns: u64) {
-        let silence = Deed::Silence { servo: IDS[servo], seconds: micros as f64 * 1e-6 };
+        let silence = Disturbance::Silence { servo: IDS[servo], seconds: micros as f64 * 1e-6 };
         self.bus.schedule(now_ns / 1000, silence).unwrap();
     }
 

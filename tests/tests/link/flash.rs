@@ -3,7 +3,7 @@
 use crate::fuzz::{DecoderList, shelf};
 use crate::virtual_device::map;
 use decoder_core::mclip::CodecId;
-use encoder::mclip::{Encoder, Quality, Settings};
+use encoder::mclip::{Encoder, Encoding, Quality};
 use firmware::device::{Device, Identity};
 use firmware::fault::Feedback;
 use firmware::link::frame::{Deframer, OVERHEAD, crc32, wire_len, write};
@@ -20,7 +20,7 @@ use servo_wire::bus::Reading;
 fn flash_that_stalls_is_written_at_rest_in_every_second_tick() {
     let sample = sample::clip();
     let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
-    let clip = encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Bits(4));
+    let clip = encoder.encode(&Encoding::new(CodecId::Dpcm), Quality::Bits(4)).unwrap();
     let map = map("sample.toml", &sample.skeleton);
     let identity =
         Identity { name: "stalls".try_into().unwrap(), clock_hz: 1, data_bytes: 512, flash_stalls: true };

@@ -5,7 +5,7 @@ use bunraku_fuzz::Random;
 use bunraku_fuzz::mutate::mutate;
 use decoder_core::mclip::{CodecId, Needs};
 use decoder_core::{I16F16, Limits};
-use encoder::mclip::{Encoder, Quality};
+use encoder::mclip::{Encoder, Encoding, Quality};
 use firmware::clips::{Clips, DecoderMemory, LIVE, Mailbox, Worker, decode};
 use firmware::clock::Speed;
 use firmware::device::{Device, Identity};
@@ -47,7 +47,7 @@ pub fn shelf() -> DecoderList {
         let mailbox: &'static Mailbox<'static> = forever(Mailbox::new());
         let task = forever(Box::pin(decode(
             mailbox,
-            forever(DecoderMemory::<CHANNELS, CHANNELS, WORDS, 16>::new()),
+            forever(DecoderMemory::<CHANNELS, { 4 * CHANNELS }, WORDS, 16>::new()),
             live,
         )));
         Worker::new(task.as_mut(), mailbox, forever([I16F16::ZERO; CHANNELS]))
@@ -231,7 +231,7 @@ fn anything_on_the_link_is_borne() {
     let sample = sample::clip();
     let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
     let clips = [(CodecId::Dpcm, 4), (CodecId::Adpcm, 3), (CodecId::Pcm, 4)]
-        .map(|(codec, bits)| encoder.encode(&encoder::mclip::Settings::new(codec), Quality::Bits(bits)))
+        .map(|(codec, bits)| encoder.encode(&Encoding::new(codec), Quality::Bits(bits)).unwrap())
         .to_vec();
     let map = crate::virtual_device::map("sample.toml", &sample.skeleton);
     let mut host = Host::new(&clips);

@@ -3,7 +3,7 @@
 use crate::virtual_device::{Cutter, map, with_device};
 use bunraku_tests::motion;
 use decoder_core::mclip::CodecId;
-use encoder::mclip::{Encoder, Quality, Settings};
+use encoder::mclip::{Encoder, Encoding, Quality};
 use firmware::clips::LIVE;
 use firmware::clock::Speed;
 use firmware::fault::Fault;
@@ -21,7 +21,7 @@ const BAUD: u32 = 115_200;
 
 fn encode(clip: &Clip) -> Vec<u8> {
     let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
-    encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Bits(7))
+    encoder.encode(&Encoding::new(CodecId::Dpcm), Quality::Bits(7)).unwrap()
 }
 
 /// Waits until the device says something, at most 20 s.
@@ -178,7 +178,7 @@ fn a_stream_goes_on_over_lines_that_break_for_a_moment() {
     let map = map("sample.toml", &clip.skeleton);
     // Larger than the device's buffer.
     let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
-    let bytes = encoder.encode(&Settings::new(CodecId::Dpcm), Quality::Bits(12));
+    let bytes = encoder.encode(&Encoding::new(CodecId::Dpcm), Quality::Bits(12)).unwrap();
     assert!(bytes.len() > 12_000, "{} bytes", bytes.len());
     with_device(&map, &Config::default(), |port| {
         let cutter = Cutter::start(port, usize::MAX);
@@ -244,8 +244,8 @@ fn several_hosts_at_once() {
 #[test]
 fn a_pseudo_terminal_is_a_serial_port() {
     use host_sim::device::{Listener, run_device};
-    use host_sim::servos::serve::Pty;
     use std::sync::atomic::{AtomicBool, Ordering};
+    use virtual_servos::serve::Pty;
     let clip = sample::clip();
     let map = map("sample.toml", &clip.skeleton);
     let listener = Listener::Pty(Box::new(Pty::open().unwrap()));
