@@ -134,19 +134,22 @@ impl<W: Write, T: DelayNs> ServoBus for BlenderBus<W, T> {
                     *sent = None;
                     let frame = frame(goal);
                     let mut rest = frame.as_slice();
-                    // `write_all` panics where a driver takes nothing; this waits, at most for the time of the others.
+                    // `write_all` panics where a driver takes nothing.
                     while !rest.is_empty() {
                         let taken = output.write(rest).await?;
-                        rest = rest.get(taken..).unwrap_or_default();
+                        match rest.get(taken..).filter(|_| taken > 0) {
+                            Some(left) => rest = left,
+                            None => return Ok(false),
+                        }
                     }
                     *sent = Some(goal.position);
                 }
             }
-            output.flush().await
+            output.flush().await.map(|()| true)
         };
         match select(write, delay.delay_us(limit)).await {
-            Either::First(Ok(())) => Ok(()),
-            Either::First(Err(_)) | Either::Second(()) => Err(BusError::Port),
+            Either::First(Ok(true)) => Ok(()),
+            Either::First(_) | Either::Second(()) => Err(BusError::Port),
         }
     }
 }

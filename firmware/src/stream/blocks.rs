@@ -1,6 +1,7 @@
 //! The blocks that wait for their time, in any order.
 
 use super::error::StreamError;
+use crate::collect::numbered;
 use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockHeader};
 
 /// Blocks that wait at most.
@@ -105,8 +106,8 @@ impl<'s> Blocks<'s> {
         if self.blocks().any(|block| block.first_frame == header.first_frame) {
             return Taken::Known;
         }
-        let free = self.waiting.iter().take(self.places()).position(Option::is_none);
-        let Some(place) = free else { return Taken::Full };
+        let free = numbered(&self.waiting).take(self.places()).find(|(_, slot)| slot.is_none());
+        let Some((place, _)) = free else { return Taken::Full };
         let at = self.address(place);
         let room = self.memory.get_mut(at..at.saturating_add(self.place)).unwrap_or_default();
         if bytes.len() > room.len() {
@@ -121,9 +122,8 @@ impl<'s> Blocks<'s> {
 
     /// The block that begins with this frame.
     pub fn block(&self, first_frame: u32) -> Option<&[u8]> {
-        let is_it = |slot: &Option<BlockHeader>| slot.is_some_and(|block| block.first_frame == first_frame);
-        let place = self.waiting.iter().position(is_it)?;
-        let block = self.waiting.get(place).copied().flatten()?;
+        let waiting = numbered(&self.waiting).filter_map(|(place, slot)| slot.map(|block| (place, block)));
+        let (place, block) = waiting.into_iter().find(|(_, block)| block.first_frame == first_frame)?;
         let length = BLOCK_HEADER_BYTES.saturating_add(block.length.into());
         self.memory.get(self.address(place)..)?.get(..length)
     }

@@ -188,7 +188,7 @@ impl Surroundings<Clips<'_, '_, Flash>, MAX_SERVOS> for Board {
         self.session.sent(number() as usize);
         let _ = black_box(machine.command(Command::Play { clip: number() as u16, repeats: number() == 1 }));
         if let Some(store) = machine.library().store() {
-            black_box((store.status(), store.room(), store.list().count(), store.get(number() as u16)));
+            black_box((store.status(), store.room(), store.get(number() as u16)));
         }
         if number() == 1 {
             let _ = machine.library().open(number() as u16).map(|clip| machine.library().close(clip));
