@@ -46,7 +46,7 @@ mod tests {
                 assert_eq!(scale(x, factor), reference(x, factor), "{x} {factor}");
             }
         }
-        let mut random = Random(3);
+        let mut random = Random::new(3);
         for _ in 0..times(1_000_000, 500) {
             let (x, factor) = (random.next() as i32, random.next() as i16);
             assert_eq!(scale(x, factor), reference(x, factor), "{x} {factor}");

@@ -5,7 +5,7 @@ use crate::entropy::list::for_each_stage;
 use serde::{Deserialize, Serialize};
 
 macro_rules! ids {
-    ($(#[$about:meta])* $Id:ident { $($(#[$doc:meta])* $id:literal $Variant:ident($Type:ty) $name:literal [$($part:literal),*];)* }) => {
+    ($(#[$about:meta])* $Id:ident { $($(#[$doc:meta])* $id:literal $Variant:ident($module:ident $(<$life:lifetime>)?) $name:literal [$($part:literal),*];)* }) => {
         $(#[$about])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]

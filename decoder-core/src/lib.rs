@@ -1,11 +1,39 @@
 //! Integer-only, allocation-free, panic-free decoders for recorded human motion.
 //!
-//! Bytes in, the caller's slices out. The same code runs on Cortex-M, x86 and wasm, and gives the same bits:
-//! what a decoder computes is defined in integers in docs/FORMAT.md.
+//! Bytes go in, one frame at a time comes out, in memory of the caller's. The same code runs on Cortex-M, x86 and wasm, and
+//! gives the same bits: what a decoder computes is defined in integers in docs/FORMAT.md.
 //!
 //! A channel value is an [`I16F16`], in degrees for rotations and centimetres for translations.
 //!
 //! The promise: any bytes give `Ok` or `Err`. Never a panic, an endless loop, or a write past the output.
+//!
+//! ```
+//! use decoder_core::Limits;
+//! use decoder_core::mclip::{Clip, Workspace};
+//!
+//! let bytes = include_bytes!("../examples/clip.mclip");
+//! // What this caller is ready to hold; a clip with more is refused.
+//! let limits = Limits { channels: 8, frames: 1000 };
+//! let clip = Clip::parse(bytes, limits)?.verify()?;
+//! // Room for 8 channels. This clip's codec needs no words or halves of words besides.
+//! let mut memory = Workspace::<8, 0, 0>::EMPTY;
+//! let mut decoder = clip.decoder(memory.lend())?;
+//! while let Some(pose) = decoder.next_frame()? {
+//!     // The value of each channel, in the order of `clip.header().channels()`.
+//!     println!("{pose:?}");
+//! }
+//! # assert_eq!(decoder.position(), clip.frames());
+//! // Any frame can be had: decoding goes on from the last entry point before it.
+//! assert!(decoder.seek(2)?.is_some());
+//! # Ok::<(), decoder_core::Error>(())
+//! ```
+//!
+//! # Rooms
+//!
+//! - [`mclip`] and [`qmd`] are the containers: headers, blocks, entry points, seeking, streams.
+//! - [`codec`] has a file for each codec of a `.mclip`, and the one list of them.
+//! - [`entropy`], [`predict`] and [`quantise`] have the stages that codecs are composed of, each usable alone.
+//! - [`bits`], [`word`] and [`arithmetic`] are what all others stand on.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 #![cfg_attr(
@@ -41,3 +69,8 @@ pub use channel::Rules;
 pub use error::{Error, Field, Limits};
 pub use fixed::types::I16F16;
 pub use ids::Feature;
+
+/// The examples of README.md are tested with those of the crate.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;

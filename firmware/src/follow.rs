@@ -296,12 +296,8 @@ mod tests {
     #[test]
     fn noise_moves_nothing_faster_than_it_may() {
         let map = map();
-        // Numerical Recipes' generator: its high bits are random enough.
-        let mut state = 7_u32;
-        let mut random = move || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 16) as u8
-        };
+        let mut rng = fastrand::Rng::with_seed(7);
+        let mut random = move || rng.u8(..);
         let follow = Follow::new(&map, 500);
         let (told, state, fault) = play(&map, &follow, 3000, |tick, _, follow| {
             // Frames among bytes that look like frames often, cut anywhere.

@@ -1,7 +1,9 @@
 //! mclip: in place, streamed, after seeking and after losses, all is the same.
 
 use crate::{Random, vectors};
-use decoder_core::mclip::{BLOCK_HEADER_BYTES, Clip, Decoder, Header, Prefix, Receiver, Stream, checksum};
+use decoder_core::mclip::{
+    BLOCK_HEADER_BYTES, Blocks, Clip, Decoder, Header, Prefix, Receiver, Stream, checksum,
+};
 use decoder_core::{Error, I16F16, Limits};
 use encoder::memory::OwnedMemory;
 
@@ -122,7 +124,8 @@ fn streamed(bytes: &[u8], random: &mut Random) -> (Vec<Frame>, Result<(), Error>
 /// number.
 fn with_losses(bytes: &[u8], frames: &[Frame], random: &mut Random) {
     let Ok(header) = Header::parse(bytes, LIMITS) else { return };
-    let blocks = blocks(bytes);
+    let start = Prefix::read(bytes).map_or(bytes.len(), |prefix| prefix.header_bytes);
+    let blocks: Vec<usize> = Blocks::new(header, bytes, start, 0).flatten().map(|block| block.at).collect();
     let mut memory = OwnedMemory::new(header.needs());
     let mut block = block_buffer(&header);
     let Ok(mut stream) = Stream::new(header, memory.lend(), &mut block) else { return };
@@ -160,17 +163,6 @@ fn feed(
         }
     }
     Ok(())
-}
-
-/// Where the headers of a clip's blocks are.
-fn blocks(bytes: &[u8]) -> Vec<usize> {
-    let mut at = Prefix::read(bytes).map_or(bytes.len(), |prefix| prefix.header_bytes);
-    let mut blocks = Vec::new();
-    while let Some(&[low, high]) = bytes.get(at..at + 2).and_then(|length| length.first_chunk()) {
-        blocks.push(at);
-        at += BLOCK_HEADER_BYTES + usize::from(u16::from_le_bytes([low, high]));
-    }
-    blocks
 }
 
 /// Puts right checksums over whatever is there, as far as lengths make sense.

@@ -127,11 +127,13 @@ pub fn best_clip(
         _ => encoded.bytes.len() as f64,
     };
     clips.sort_by(|(_, one), (_, other)| cost(one).total_cmp(&cost(other)));
+    progress(format!("building the decoder for {}", limit.core.target()));
+    let decoder = profile::mclip_decoders(&[limit.core.target()])?.concat();
     let mut least: Option<TriedClip> = None;
     for (encoding, encoded) in clips {
         progress(format!("counting cycles of {}", describe(encoding)));
         let (bytes, cycles_max) =
-            certified(&encoded.bytes, limit.core).with_context(|| describe(encoding))?;
+            certified(&encoded.bytes, &decoder, limit.core).with_context(|| describe(encoding))?;
         let tried = TriedClip { encoding: *encoding, encoded: Encoded { bytes, ..encoded }, cycles_max };
         if cycles_max <= limit.cycles {
             return Ok(tried);
@@ -161,20 +163,19 @@ fn reaches(encoder: &Encoder<'_>, encoded: &Encoded, goal: Goal) -> bool {
 }
 
 /// The clip with the cycles of its most expensive frame in its header, and these cycles.
-fn certified(bytes: &[u8], core: Core) -> Result<(Vec<u8>, u64)> {
+fn certified(bytes: &[u8], decoder: &[u8], core: Core) -> Result<(Vec<u8>, u64)> {
     let number =
         header_number(core).ok_or_else(|| anyhow!("{} is no core of a clip's header", core.name()))?;
     // Counted with room for the number, so that every byte is where it will be.
-    let cycles = worst_frame(&certify(bytes, &[(number, 0)])?, core)?;
+    let cycles = worst_frame(&certify(bytes, &[(number, 0)])?, decoder, core)?;
     Ok((certify(bytes, &[(number, u32::try_from(cycles)?)])?, cycles))
 }
 
-/// Cycles of a clip's most expensive frame.
-fn worst_frame(bytes: &[u8], core: Core) -> Result<u64> {
+/// Cycles of a clip's most expensive frame, on the image of a decoder.
+fn worst_frame(bytes: &[u8], decoder: &[u8], core: Core) -> Result<u64> {
     let clip = Clip::parse(Path::new("clip.mclip"), bytes)?;
-    let images = profile::mclip_images(bytes, &[core.target()], false)?;
-    let image = images.first().context("no image was built")?;
-    let measured = measure::frames(core, image, 0, &profile::frames(&clip)?, &mut || ())?;
+    let image = profile::load_mclip(decoder.to_vec(), bytes, false)?;
+    let measured = measure::frames(core, &image, 0, &profile::frames(&clip)?, &mut || ())?;
     measured.frame_cycles.iter().copied().max().ok_or_else(|| anyhow!("the clip has no frames"))
 }
 

@@ -173,14 +173,10 @@ impl<const SECTOR: usize> Flash<SECTOR> {
     }
 }
 
-/// Bytes without a pattern (splitmix64).
-fn random(mut seed: u64) -> impl Iterator<Item = u8> {
-    std::iter::repeat_with(move || {
-        seed = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (seed ^ (seed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (mixed >> 56) as u8
-    })
+/// Bytes without a pattern.
+fn random(seed: u64) -> impl Iterator<Item = u8> {
+    let mut rng = fastrand::Rng::with_seed(seed);
+    std::iter::repeat_with(move || rng.u8(..))
 }
 
 impl<const SECTOR: usize> ErrorType for Flash<SECTOR> {

@@ -3,8 +3,9 @@
 //!
 //! # Rooms
 //!
-//! What is here binds other crates together. What can stand alone is a crate of its own: `puppet-file` reads puppet.toml,
-//! `thumb-cycles` simulates a Cortex-M, `mocap` reads recordings, `encoder` makes clips, `firmware` plays them.
+//! What is here binds other crates together. What can stand alone is a crate of its own: `puppet-file` reads
+//! puppet.toml, `virtual-servos` answers bus packets, `thumb-cycles` simulates a Cortex-M, `mocap` reads recordings,
+//! `encoder` makes clips, and `firmware` plays them.
 //!
 //! | room | what it does |
 //! |---|---|
@@ -12,7 +13,7 @@
 //! | [`puppet`] | holds a puppet against a clip: channels, limits, time on its buses; writes what was calibrated |
 //! | [`play`] | plays a clip on virtual servos: here, on a simulated core, under QEMU, on an emulated Pico |
 //! | [`ports`] | plays a clip on servos on serial ports of this machine |
-//! | [`servos`] | virtual servos that answer bus packets |
+//! | [`puppet_servos`] | the virtual servos of a puppet, and what happens to them in a show |
 //! | [`show`] | plays a show of several clips, and reports it |
 //! | [`device`], [`flash`] | a virtual device: the firmware with clips in virtual flash, which a host talks to |
 //! | [`link`] | the host's side of the link to a device |
@@ -20,6 +21,7 @@
 //! | [`qemu`], [`rp2040js`] | runs an image in another program's emulator |
 //! | [`profile`], [`cycle_limit`] | counts cycles of the decoder; finds a clip whose frames a core can afford |
 //! | [`rd`], [`peers`] | curves of rate and distortion; our codecs beside general compressors |
+//! | [`plot`] | draws what others measured |
 #![forbid(unsafe_code)]
 
 pub mod board;

@@ -161,7 +161,7 @@ pub fn on_qemu(
     let mut recorder = Recorder::new(map)?;
     let image = qemu::Image { path: &path, machine: board::QEMU_MACHINE, arguments: &[] };
     let mut device = |bytes: &[u8]| recorder.receive(bytes);
-    qemu::run(&image, Some(&mut device), limit(clip.frames(), rate(clip, centihertz)), log)?;
+    qemu::run_image(&image, Some(&mut device), limit(clip.frames(), rate(clip, centihertz)), log)?;
     recorder.finish()
 }
 

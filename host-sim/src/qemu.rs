@@ -39,7 +39,7 @@ pub struct Image<'a> {
 ///
 /// # Errors
 /// A sentence that says what is missing or went wrong: no QEMU, an exit code other than 0, no end within `limit`.
-pub fn run(
+pub fn run_image(
     image: &Image<'_>,
     device: Option<&mut Device<'_>>,
     limit: Duration,
@@ -224,7 +224,7 @@ mod tests {
     #[test]
     fn what_is_no_image_is_refused() {
         let image = Image { path: Path::new("Cargo.toml"), machine: "mps2-an386", arguments: &[] };
-        let error = run(&image, None, Duration::from_secs(1), &mut |_| {}).unwrap_err();
+        let error = run_image(&image, None, Duration::from_secs(1), &mut |_| {}).unwrap_err();
         assert!(format!("{error:#}").contains("Cargo.toml"), "{error:#}");
     }
 }

@@ -1,7 +1,7 @@
 //! Boards build without the command: nothing that a board's image or its build script needs leads to host-sim.
 //!
-//! Cargo.lock is read, and not `cargo tree`: it has the dependencies of all features and of tests as well, it needs no network,
-//! and whatever cargo builds is in it.
+//! The test reads Cargo.lock, and does not ask `cargo tree`: Cargo.lock has the dependencies of all features and of tests
+//! as well, needs no network, and names whatever cargo builds.
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::workspace;

@@ -201,7 +201,11 @@ fn real_time_is_followed_or_is_said_to_be_too_fast() {
     let told = fs::read_to_string(log).unwrap();
     let goals = told.lines().filter_map(|line| line.split_once(&format!(",bus,{HEAD},"))?.1.parse().ok());
     let goals: Vec<i32> = goals.collect();
-    if !goals.is_empty() {
+    if late {
+        // Of goals that come too late some may be missing, so that steps are longer; but all lie on the way.
+        let [low, high] = ENDS.map(i32::from);
+        assert!(goals.iter().all(|goal| (low..=high).contains(goal)), "{goals:?}");
+    } else {
         within_limits(&goals);
     }
 }

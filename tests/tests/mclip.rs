@@ -5,7 +5,7 @@ use bunraku_fuzz::Random;
 use bunraku_fuzz::mclip::repair;
 use bunraku_tests::mclip::{LIST, MCLIP_LIMITS, all, sha256_in_place, sha256_of_stream};
 use bunraku_tests::{skip, vectors, workspace};
-use decoder_core::mclip::{BLOCK_HEADER_BYTES, Clip, Prefix, Receiver, Stream};
+use decoder_core::mclip::{BLOCK_HEADER_BYTES, Clip, Receiver, Stream};
 use decoder_core::{Error, Field};
 use encoder::memory::OwnedMemory;
 use std::process::Command;
@@ -96,16 +96,9 @@ fn ten_thousand_edits_with_right_checksums_decode_or_are_refused() {
 /// A vector with several entry points, and where its blocks are.
 fn blocks() -> (Vec<u8>, Vec<usize>) {
     let vector = all().into_iter().find(|vector| vector.name == "dpcm-first.mclip").unwrap();
-    let mut blocks = vec![Prefix::read(&vector.bytes).unwrap().header_bytes];
-    loop {
-        let at = *blocks.last().unwrap();
-        let length = usize::from(u16::from_le_bytes([vector.bytes[at], vector.bytes[at + 1]]));
-        let next = at + BLOCK_HEADER_BYTES + length;
-        if next == vector.bytes.len() {
-            return (vector.bytes, blocks);
-        }
-        blocks.push(next);
-    }
+    let clip = Clip::parse(&vector.bytes, MCLIP_LIMITS).unwrap();
+    let blocks = clip.blocks().map(|block| block.unwrap().at).collect();
+    (vector.bytes, blocks)
 }
 
 #[test]

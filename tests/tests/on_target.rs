@@ -54,7 +54,7 @@ fn check(machine: &str, target: &str, binary: &str) {
 fn run(image: &Path, machine: &str, clip: &Path) -> String {
     let image = qemu::Image { path: image, machine, arguments: &[clip.to_str().unwrap()] };
     let mut lines = Vec::new();
-    qemu::run(&image, None, LIMIT, &mut |line| lines.push(line.to_owned())).unwrap();
+    qemu::run_image(&image, None, LIMIT, &mut |line| lines.push(line.to_owned())).unwrap();
     lines.join("\n")
 }
 
@@ -86,7 +86,7 @@ fn an_image_that_fails_or_hangs_is_an_error() {
     let path = cargo::image("on-target", "in-place", "thumbv7em-none-eabi", "firmware", &[]);
     let error = |argument: &str, limit| {
         let image = qemu::Image { path: &path, machine: "mps2-an386", arguments: &[argument] };
-        format!("{:#}", qemu::run(&image, None, limit, &mut |_| {}).unwrap_err())
+        format!("{:#}", qemu::run_image(&image, None, limit, &mut |_| {}).unwrap_err())
     };
     let missing = error("no/such/clip", LIMIT);
     assert!(missing.contains("exit status: 101") && missing.contains("cannot be opened"), "{missing}");

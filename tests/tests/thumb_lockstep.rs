@@ -253,7 +253,7 @@ fn the_board_sends_the_same_bytes_as_in_qemu() {
         theirs.extend_from_slice(bytes);
         their_servos.receive(bytes, 0, &mut |_| {})
     };
-    qemu::run(&image, Some(&mut device), TIME, &mut |_| {}).unwrap();
+    qemu::run_image(&image, Some(&mut device), TIME, &mut |_| {}).unwrap();
 
     let image = Image::parse(&elf).unwrap();
     let mut machine = Machine::new(Core::M4, &Board::mps2(), &image).unwrap();

@@ -11,12 +11,12 @@ pub fn check() -> Result<()> {
 
 /// Writes docs/api anew: the public items of those crates.
 pub fn write_api() -> Result<()> {
-    run(cargo().env("BUNRAKU_WRITE_API", "1").args([
+    run(cargo().env("BUNRAKU_BLESS", "1").args([
         "test",
         "--quiet",
         "--package",
         "xtask",
         "--test",
-        "api",
+        "api_snapshot",
     ]))
 }

@@ -161,7 +161,7 @@ fn fuzz_command(command: &str) -> Command {
 }
 
 /// Changes decoder-core in small ways and reports which changes its tests miss. Arguments go to cargo-mutants:
-/// `--file decoder-core/src/float.rs`, or `--shard 3/20` for a part of all mutants.
+/// `--file decoder-core/src/word.rs`, or `--shard 3/20` for a part of all mutants.
 pub fn mutants(arguments: &[String]) -> Result<()> {
     cargo_tool("mutants", "cargo-mutants")?;
     create_target()?;

@@ -4,98 +4,32 @@
 //! `self::…`, or a module's own child. A path leads to the file of the last module in it, so what a `mod.rs` re-exports
 //! is needed from the `mod.rs`. What only tests have (`#[cfg(test)]`) does not count.
 
+mod modules;
+
+use modules::{Files, Module, is_test};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The crates whose files are checked, by their folder.
-const CRATES: [&str; 3] = ["decoder-core", "encoder", "firmware"];
-
-/// Names of modules from the crate's root on.
-type Module = Vec<String>;
+const CRATES: [&str; 8] = [
+    "decoder-core",
+    "encoder",
+    "encoder/mocap",
+    "firmware",
+    "host-sim",
+    "host-sim/puppet-file",
+    "host-sim/thumb-cycles",
+    "host-sim/virtual-servos",
+];
 
 /// For each file, what it needs, and the line where it says so.
 type Needs = BTreeMap<PathBuf, BTreeMap<PathBuf, usize>>;
 
-/// A crate's modules, and the files that they are in.
-#[derive(Default)]
-struct Files {
-    of_module: BTreeMap<Module, PathBuf>,
-    parsed: Vec<(Module, PathBuf, syn::File)>,
-}
-
-impl Files {
-    /// Reads a module's file and those of its children.
-    fn read(&mut self, module: Module, file: PathBuf) {
-        let text = fs::read_to_string(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
-        let parsed = syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
-        let is_root = ["lib.rs", "main.rs", "mod.rs"].iter().any(|name| file.ends_with(name));
-        let folder = if is_root { file.with_file_name("") } else { file.with_extension("") };
-        self.of_module.insert(module.clone(), file.clone());
-        self.read_children(&module, &file, &folder, &parsed.items);
-        self.parsed.push((module, file, parsed));
-    }
-
-    fn read_children(&mut self, module: &Module, file: &Path, folder: &Path, items: &[syn::Item]) {
-        for item in items {
-            let syn::Item::Mod(child) = item else { continue };
-            if is_test(&child.attrs) {
-                continue;
-            }
-            let name = child.ident.to_string();
-            let path: Module = module.iter().cloned().chain([name.clone()]).collect();
-            if let Some((_, items)) = &child.content {
-                self.of_module.insert(path.clone(), file.to_owned());
-                self.read_children(&path, file, &folder.join(&name), items);
-            } else {
-                let alone = folder.join(format!("{name}.rs"));
-                let found = if alone.is_file() { alone } else { folder.join(name).join("mod.rs") };
-                self.read(path, found);
-            }
-        }
-    }
-
-    /// The file that a path in `module` leads to, if it is one of this crate's.
-    fn resolve(&self, module: &Module, path: &[String]) -> Option<&PathBuf> {
-        let mut at = module.clone();
-        let mut names = path.iter().peekable();
-        match names.peek()?.as_str() {
-            "crate" => {
-                at.clear();
-                names.next();
-            }
-            "self" => {
-                names.next();
-            }
-            "super" => {
-                while names.next_if(|name| *name == "super").is_some() {
-                    at.pop()?;
-                }
-            }
-            // A child of this module; everything else is another crate's, or was brought here by a `use`.
-            name => {
-                at.push(name.to_owned());
-                self.of_module.get(&at)?;
-                names.next();
-            }
-        }
-        for name in names {
-            at.push(name.clone());
-            if !self.of_module.contains_key(&at) {
-                at.pop();
-                break;
-            }
-        }
-        self.of_module.get(&at)
-    }
-}
-
-fn is_test(attributes: &[syn::Attribute]) -> bool {
-    attributes.iter().any(|attribute| {
-        attribute.path().is_ident("cfg")
-            && attribute.parse_args::<syn::Path>().is_ok_and(|condition| condition.is_ident("test"))
-    })
+/// The file that a path in `module` leads to, if it is one of this crate's.
+fn file_of<'f>(files: &'f Files, module: &Module, path: &[String]) -> Option<&'f PathBuf> {
+    files.of_module.get(&files.module_of(module, path)?.0)
 }
 
 /// Goes through a file for the paths in it.
@@ -108,7 +42,7 @@ struct Paths<'f> {
 
 impl Paths<'_> {
     fn add(&mut self, path: &[String], line: usize) {
-        if let Some(found) = self.files.resolve(&self.module, path)
+        if let Some(found) = file_of(self.files, &self.module, path)
             && found != self.file
         {
             self.needs.entry(found.clone()).or_insert(line);

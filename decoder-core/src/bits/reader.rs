@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn every_width_at_every_position() {
-        let mut random = Random(1);
+        let mut random = Random::new(1);
         let bytes: Vec<u8> = (0..9).map(|_| random.next() as u8).collect();
         for position in (0..100).step_by(stride(7)) {
             for count in 0..=MAX_TAKE {
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn any_sequence_of_widths() {
-        let mut random = Random(2);
+        let mut random = Random::new(2);
         let bytes: Vec<u8> = (0..times(1000, 100)).map(|_| random.next() as u8).collect();
         let mut reader = BitReader::new(&bytes);
         let mut position = 0;

@@ -12,9 +12,9 @@ use crate::memory::{Memory, Needs};
 
 macro_rules! linked_codecs {
     (
-        scalar { $($(#[$doc:meta])* $id:literal $Variant:ident($Type:ty) $name:literal [$($part:literal),*];)* }
+        scalar { $($(#[$doc:meta])* $id:literal $Variant:ident($module:ident $(<$life:lifetime>)?) $name:literal [$($part:literal),*];)* }
         other {
-            $($(#[$other_doc:meta])* $other_id:literal $Other:ident($OtherType:ty) $other_name:literal [$($other_part:literal),*];)*
+            $($(#[$other_doc:meta])* $other_id:literal $Other:ident($other:ident $(<$other_life:lifetime>)?) $other_name:literal [$($other_part:literal),*];)*
         }
     ) => {
         /// A codec that was linked, with its parameters. A feature that is off takes its variant away.
@@ -22,7 +22,7 @@ macro_rules! linked_codecs {
         pub enum LinkedCodec<'a> {
             /// One of those that have a code a channel and frame.
             Scalar(LinkedScalar<'a>),
-            $(#[cfg(feature = $other_name)] $(#[$other_doc])* $Other($OtherType),)*
+            $(#[cfg(feature = $other_name)] $(#[$other_doc])* $Other(super::$other::$Other $(<$other_life>)?),)*
         }
 
         /// A decoder of a codec that was linked.
@@ -33,7 +33,7 @@ macro_rules! linked_codecs {
             $(
                 #[cfg(feature = $other_name)]
                 $(#[$other_doc])*
-                $Other(<$OtherType as super::contract::CodecWithDecoder<'a>>::Decoder<'s>),
+                $Other(<super::$other::$Other $(<$other_life>)? as super::contract::CodecWithDecoder<'a>>::Decoder<'s>),
             )*
         }
 
@@ -47,14 +47,14 @@ macro_rules! linked_codecs {
                 match id {
                     $(
                         #[cfg(feature = $name)]
-                        CodecId::$Variant => <$Type as super::contract::Codec<'a>>::parse(parameters, at)
+                        CodecId::$Variant => <super::$module::$Variant $(<$life>)? as super::contract::Codec<'a>>::parse(parameters, at)
                             .map(|codec| Self::Scalar(LinkedScalar::$Variant(codec))),
                         #[cfg(not(feature = $name))]
                         CodecId::$Variant => not_linked(parameters, at, id),
                     )*
                     $(
                         #[cfg(feature = $other_name)]
-                        CodecId::$Other => <$OtherType as super::contract::Codec<'a>>::parse(parameters, at)
+                        CodecId::$Other => <super::$other::$Other $(<$other_life>)? as super::contract::Codec<'a>>::parse(parameters, at)
                             .map(Self::$Other),
                         #[cfg(not(feature = $other_name))]
                         CodecId::$Other => not_linked(parameters, at, id),

@@ -11,15 +11,22 @@
 //! Containers know codecs as [`LinkedCodec`] and [`RunningCodec`], which the list makes. A codec is added by a file here, a
 //! line of the list, a section of docs/FORMAT.md, and an encoder.
 
-pub mod adpcm;
 pub mod contract;
-pub mod dpcm;
 pub(crate) mod linked;
 pub(crate) mod list;
-pub mod mulaw;
-pub mod pcm;
-pub mod qmd;
 pub mod scalar;
+
+macro_rules! modules {
+    (
+        scalar { $($(#[$doc:meta])* $id:literal $Variant:ident($module:ident $(<$life:lifetime>)?) $name:literal [$($part:literal),*];)* }
+        other { $($(#[$other_doc:meta])* $other_id:literal $Other:ident($other:ident $(<$other_life:lifetime>)?) $other_name:literal [$($other_part:literal),*];)* }
+    ) => {
+        $(pub mod $module;)*
+        $(pub mod $other;)*
+    };
+}
+
+list::for_each_codec!(modules);
 
 pub use crate::ids::CodecId;
 pub use contract::{Codec, CodecWithDecoder, FrameDecoder, Shape};

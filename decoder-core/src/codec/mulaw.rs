@@ -8,21 +8,21 @@ use crate::channel::{Channel, Rules};
 use crate::error::{Error, Field};
 use crate::memory::Needs;
 use crate::predict::fixed::First;
-use crate::quantise::mu_law::MuLaw;
+use crate::quantise::mu_law;
 use crate::quantise::quantiser::Step;
 use crate::quantise::step::MAX_STEP;
 
 /// The codec, with the levels of its quantiser.
 #[derive(Clone, Copy, Debug)]
-pub struct MuLawCodec<'a> {
+pub struct MuLaw<'a> {
     /// The quantiser of all channels.
-    pub quantiser: MuLaw<'a>,
+    pub quantiser: mu_law::MuLaw<'a>,
 }
 
-impl<'a> Codec<'a> for MuLawCodec<'a> {
+impl<'a> Codec<'a> for MuLaw<'a> {
     fn parse(parameters: &'a [u8], at: usize) -> Result<Self, Error> {
         let none = Error::Encoding { field: Field::Parameters, at };
-        Ok(Self { quantiser: MuLaw::new(parameters).ok_or(none)? })
+        Ok(Self { quantiser: mu_law::MuLaw::new(parameters).ok_or(none)? })
     }
 
     fn emit(&self, out: &mut impl Extend<u8>) {
@@ -38,7 +38,7 @@ impl<'a> Codec<'a> for MuLawCodec<'a> {
     }
 }
 
-impl<'a> ScalarCodec<'a> for MuLawCodec<'a> {
+impl<'a> ScalarCodec<'a> for MuLaw<'a> {
     fn initial(&self, channel: &Channel<'_>) -> (Step, i32) {
         first_order(channel)
     }

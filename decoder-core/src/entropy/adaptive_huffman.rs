@@ -200,9 +200,8 @@ impl<'s> Stage<'s> for AdaptiveHuffman<'s> {
     }
 
     #[inline(always)]
-    fn restart<'c>(&mut self, _: impl Iterator<Item = &'c mut u8>, position: usize) -> usize {
+    fn restart<'c>(&mut self, _: impl Iterator<Item = &'c mut u8>) {
         self.reset();
-        position
     }
 
     #[inline(always)]
@@ -273,7 +272,7 @@ mod tests {
 
     #[test]
     fn it_is_a_huffman_code_of_the_counts_at_any_time() {
-        let mut random = Random(10);
+        let mut random = Random::new(10);
         for bits in 1..=times(MAX_BITS.into(), 3) as u8 {
             let mut memory = memory(bits);
             let mut tree = AdaptiveHuffman::new(bits, &mut memory).unwrap();
@@ -294,7 +293,7 @@ mod tests {
 
     #[test]
     fn codes_decode_to_their_symbols() {
-        let mut random = Random(11);
+        let mut random = Random::new(11);
         let (mut ours, mut theirs) = (memory(5), memory(5));
         let mut encoder = AdaptiveHuffman::new(5, &mut ours).unwrap();
         let mut decoder = AdaptiveHuffman::new(5, &mut theirs).unwrap();
@@ -340,7 +339,7 @@ mod tests {
             (1..a).for_each(|_| tree.count(symbol));
             (a, b) = (b, a + b);
         }
-        let mut lengths = std::vec::Vec::from_iter((0..16).map(|symbol| tree.code(symbol).1));
+        let mut lengths = Vec::from_iter((0..16).map(|symbol| tree.code(symbol).1));
         lengths.sort_unstable();
         assert_eq!(lengths[13..], [14, 15, 15]);
         // So a code of n bits takes a root of the (n + 2)th Fibonacci number.
@@ -361,7 +360,7 @@ mod tests {
     #[test]
     #[cfg_attr(miri, ignore = "equal weights of nodes that are not there are looked at one by one: minutes")]
     fn a_tree_of_noise_does_not_hang_in_counting() {
-        let mut random = Random(12);
+        let mut random = Random::new(12);
         for _ in 0..300 {
             let mut memory: Vec<u16> = (0..AdaptiveHuffman::words(3)).map(|_| random.next() as u16).collect();
             let mut tree = AdaptiveHuffman::resume(3, &mut memory).unwrap();

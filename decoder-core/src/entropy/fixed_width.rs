@@ -31,7 +31,10 @@ impl<'s> Stage<'s> for FixedWidth {
     }
 
     #[inline(always)]
-    fn restart<'c>(&mut self, _: impl Iterator<Item = &'c mut u8>, position: usize) -> usize {
+    fn restart<'c>(&mut self, _: impl Iterator<Item = &'c mut u8>) {}
+
+    #[inline(always)]
+    fn codes_from(&self, position: usize) -> usize {
         position.wrapping_add(7) & !7
     }
 
@@ -104,7 +107,7 @@ mod tests {
 
     #[test]
     fn fields_are_what_a_reader_takes() {
-        let mut random = Random(14);
+        let mut random = Random::new(14);
         check::<4>(&mut random);
         check::<5>(&mut random);
         check::<6>(&mut random);

@@ -266,9 +266,8 @@ impl<'s> Stage<'s> for Huffman<'s> {
     }
 
     #[inline(always)]
-    fn restart<'c>(&mut self, contexts: impl Iterator<Item = &'c mut u8>, position: usize) -> usize {
+    fn restart<'c>(&mut self, contexts: impl Iterator<Item = &'c mut u8>) {
         contexts.for_each(|context| *context = self.shape.first_of(*context));
-        position
     }
 
     #[inline(always)]
@@ -348,7 +347,7 @@ mod tests {
 
     #[test]
     fn every_window_of_sixteen_bits_of_every_table() {
-        let mut random = Random(9);
+        let mut random = Random::new(9);
         for (most, n) in [(1, 2), (4, 9), (8, 2), (8, 40), (8, 100), (8, 255)] {
             let tables: Vec<Vec<u8>> = (0..3).map(|_| lengths(&mut random, n, most)).collect();
             let bytes = describe(1, 3, &tables);
@@ -373,7 +372,7 @@ mod tests {
     /// From every table, after every code: what the entries say is what the rule says.
     #[test]
     fn entries_lead_to_the_next_table() {
-        let mut random = Random(10);
+        let mut random = Random::new(10);
         for (classes, groups) in [(8, 1), (4, 2), (3, 2), (1, 8), (1, 1)] {
             let count = usize::from(classes * groups);
             let tables: Vec<Vec<u8>> = (0..count).map(|_| lengths(&mut random, 60, 8)).collect();

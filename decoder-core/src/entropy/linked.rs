@@ -8,11 +8,11 @@ use core::convert::Infallible;
 use core::marker::PhantomData;
 
 macro_rules! linked_stages {
-    ($($(#[$doc:meta])* $id:literal $Variant:ident($Type:ty) $name:literal [];)*) => {
+    ($($(#[$doc:meta])* $id:literal $Variant:ident($module:ident $(<$life:lifetime>)?) $name:literal [];)*) => {
         /// An entropy stage that was linked. A feature that is off takes its variant away.
         #[derive(Debug)]
         pub(crate) enum LinkedStage<'s> {
-            $(#[cfg(feature = $name)] $(#[$doc])* $Variant($Type),)*
+            $(#[cfg(feature = $name)] $(#[$doc])* $Variant(super::$module::$Variant $(<$life>)?),)*
             /// Never there: for sets of features without any stage.
             #[allow(dead_code)]
             Never(Infallible, PhantomData<&'s mut ()>),
@@ -25,7 +25,7 @@ macro_rules! linked_stages {
             /// [`Error::NotLinked`] where the stage was left out.
             pub fn check(stage: EntropyId, tables: &[u8], at: usize) -> Result<u8, Error> {
                 match stage {
-                    $(#[cfg(feature = $name)] EntropyId::$Variant => <$Type>::check(tables, at),)*
+                    $(#[cfg(feature = $name)] EntropyId::$Variant => <super::$module::$Variant $(<$life>)?>::check(tables, at),)*
                     $(#[cfg(not(feature = $name))] EntropyId::$Variant => not_linked(tables, at, stage),)*
                 }
             }
@@ -33,7 +33,7 @@ macro_rules! linked_stages {
             /// The memory that a stage needs: [`Stage::halves`]; none where it was left out.
             pub fn halves(stage: EntropyId, tables: &[u8]) -> usize {
                 match stage {
-                    $(#[cfg(feature = $name)] EntropyId::$Variant => <$Type>::halves(tables),)*
+                    $(#[cfg(feature = $name)] EntropyId::$Variant => <super::$module::$Variant $(<$life>)?>::halves(tables),)*
                     $(#[cfg(not(feature = $name))] EntropyId::$Variant => 0,)*
                 }
             }
@@ -50,7 +50,7 @@ macro_rules! linked_stages {
             ) -> Result<Self, Error> {
                 match stage {
                     $(#[cfg(feature = $name)]
-                    EntropyId::$Variant => <$Type>::open(tables, at, halves).map(Self::$Variant),)*
+                    EntropyId::$Variant => <super::$module::$Variant $(<$life>)?>::open(tables, at, halves).map(Self::$Variant),)*
                     $(#[cfg(not(feature = $name))]
                     EntropyId::$Variant => not_linked(&*halves, (tables, at), stage),)*
                 }
@@ -59,7 +59,7 @@ macro_rules! linked_stages {
             /// Whether codes are of fixed width: [`Stage::BYTE_GROUPS`].
             pub fn has_byte_groups(&self) -> bool {
                 match self {
-                    $(#[cfg(feature = $name)] Self::$Variant(_) => <$Type>::BYTE_GROUPS,)*
+                    $(#[cfg(feature = $name)] Self::$Variant(_) => <super::$module::$Variant $(<$life>)?>::BYTE_GROUPS,)*
                     Self::Never(never, _) => match *never {},
                 }
             }
@@ -74,13 +74,18 @@ macro_rules! linked_stages {
 
             /// Begins anew at an entry point: [`Stage::restart`].
             #[inline(always)]
-            pub fn restart<'c>(
-                &mut self,
-                contexts: impl Iterator<Item = &'c mut u8>,
-                position: usize,
-            ) -> usize {
+            pub fn restart<'c>(&mut self, contexts: impl Iterator<Item = &'c mut u8>) {
                 match self {
-                    $(#[cfg(feature = $name)] Self::$Variant(stage) => stage.restart(contexts, position),)*
+                    $(#[cfg(feature = $name)] Self::$Variant(stage) => stage.restart(contexts),)*
+                    Self::Never(never, _) => match *never {},
+                }
+            }
+
+            /// The bit where codes begin: [`Stage::codes_from`].
+            #[inline(always)]
+            pub fn codes_from(&self, position: usize) -> usize {
+                match self {
+                    $(#[cfg(feature = $name)] Self::$Variant(stage) => stage.codes_from(position),)*
                     Self::Never(never, _) => match *never {},
                 }
             }

@@ -1,15 +1,17 @@
-//! The list of entropy stages. Ids, names, features and dispatch come from it: a stage is a line here and a file beside.
+//! The list of entropy stages. Modules, ids, names, features and dispatch come from it: a stage is a line here and a file beside.
 
-/// Hands the list to the macro `$then`: number in a header, variant, type, and name, which is also that of its feature.
+/// Hands the list to the macro `$then`. A row has the stage's documentation, its number in a header, its type and the
+/// file beside that has it, and its name, which is also that of its feature.
+#[macro_export]
 macro_rules! for_each_stage {
     ($then:ident) => {
         $then! {
             /// Codes of fixed width.
-            0 FixedWidth(crate::entropy::fixed_width::FixedWidth) "fixed-width" [];
+            0 FixedWidth(fixed_width) "fixed-width" [];
             /// Static Huffman codes.
-            1 Huffman(crate::entropy::huffman::Huffman<'s>) "huffman" [];
+            1 Huffman(huffman<'s>) "huffman" [];
             /// Adaptive Huffman codes.
-            2 AdaptiveHuffman(crate::entropy::adaptive_huffman::AdaptiveHuffman<'s>) "adaptive-huffman" [];
+            2 AdaptiveHuffman(adaptive_huffman<'s>) "adaptive-huffman" [];
         }
     };
 }

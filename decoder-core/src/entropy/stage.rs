@@ -26,9 +26,13 @@ pub trait Stage<'s>: Sized {
     /// What is kept of a channel before its first code, which is of its group and of so many bits.
     fn context(&self, group: u8, bits: u8) -> u8;
 
-    /// Begins anew at an entry point, whose values end at bit `position`; `contexts` are what was kept of channels. Gives the
-    /// bit where codes begin.
-    fn restart<'c>(&mut self, contexts: impl Iterator<Item = &'c mut u8>, position: usize) -> usize;
+    /// Begins anew at an entry point; `contexts` are what was kept of channels.
+    fn restart<'c>(&mut self, contexts: impl Iterator<Item = &'c mut u8>);
+
+    /// The bit where codes begin, where the values of an entry point end at bit `position`.
+    fn codes_from(&self, position: usize) -> usize {
+        position
+    }
 
     /// Runs the loops of a frame that suit the stage; gives what they give.
     fn feed<L: FrameLoops>(&mut self, loops: L) -> Option<usize>;

@@ -169,7 +169,7 @@ impl<'a> Block<'a> {
 /// use decoder_core::Limits;
 /// use decoder_core::mclip::Clip;
 ///
-/// let bytes = include_bytes!("../../../tests/vectors/v1/dpcm-second.mclip");
+/// let bytes = include_bytes!("../../examples/clip.mclip");
 /// let clip = Clip::parse(bytes, Limits::MAX)?;
 /// let mut codes = 0;
 /// for block in clip.blocks() {

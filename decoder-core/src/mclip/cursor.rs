@@ -106,42 +106,40 @@ impl BlockCursor {
     }
 }
 
-/// How far poses lag behind their codes, where a codec has a [delay](FrameDecoder::delay).
+/// Frames that are to be decoded before the first pose is that of a frame, where a codec has a
+/// [delay](FrameDecoder::delay). Where that is 0, which the compiler knows for a codec, nothing here takes time.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lag {
-    /// Frames that are to be decoded before the first pose is that of a frame.
-    pub missing: u32,
-    /// Frames by which a pose lags behind.
-    delay: u32,
-}
+pub(super) struct Missing(u32);
 
-impl Lag {
+impl Missing {
     /// Before an entry point, with poses of nothing before it.
-    pub fn new(decoder: &impl FrameDecoder) -> Self {
-        let delay = decoder.delay().into();
-        Self { missing: delay, delay }
+    pub fn at_entry(decoder: &impl FrameDecoder) -> Self {
+        Self(decoder.delay().into())
     }
 
-    /// Before an entry point again, with poses of nothing before it.
-    pub const fn restart(&mut self) {
-        self.missing = self.delay;
-    }
-
-    /// Takes a frame off those that are missing: whether the pose after the frame is none of the clip's.
-    pub const fn hides(&mut self) -> bool {
-        let hidden = self.missing > 0;
-        self.missing = self.missing.saturating_sub(1);
+    /// Takes in a frame: whether the pose after it is none of the clip's.
+    #[inline(always)]
+    pub fn hides_pose(&mut self, decoder: &impl FrameDecoder) -> bool {
+        let hidden = decoder.delay() > 0 && self.0 > 0;
+        if hidden {
+            self.0 = self.0.saturating_sub(1);
+        }
         hidden
     }
 
     /// Number of the frame whose pose comes next, where that whose codes come next is `frame`.
-    pub const fn position(&self, frame: u32) -> u32 {
-        frame.saturating_sub(self.delay.saturating_sub(self.missing))
+    #[inline(always)]
+    pub fn position(self, decoder: &impl FrameDecoder, frame: u32) -> u32 {
+        match u32::from(decoder.delay()) {
+            0 => frame,
+            delay => frame.saturating_sub(delay.saturating_sub(self.0)),
+        }
     }
+}
 
-    /// Number of the frame after the last one whose pose is given by its codes or by [`drain`](FrameDecoder::drain), in a clip
-    /// of so many frames.
-    pub const fn end(&self, frames: u32) -> u32 {
-        frames.saturating_add(self.delay)
-    }
+/// Whether poses are still to come by [`drain`](FrameDecoder::drain), where all codes of a clip of so many frames were taken and
+/// `frame` counts on.
+#[inline(always)]
+pub(super) fn has_poses_left(decoder: &impl FrameDecoder, frame: u32, frames: u32) -> bool {
+    decoder.delay() > 0 && frame < frames.saturating_add(decoder.delay().into())
 }

@@ -2,7 +2,7 @@
 
 use super::block::Block;
 use super::clip::Clip;
-use super::cursor::{BlockCursor, Lag};
+use super::cursor::{BlockCursor, Missing, has_poses_left};
 use crate::codec::contract::FrameDecoder;
 use crate::codec::linked::RunningCodec;
 use crate::error::Error;
@@ -24,7 +24,7 @@ pub struct ClipDecoder<'a, D> {
     codes: &'a [u8],
     decoder: D,
     at: At,
-    lag: Lag,
+    missing: Missing,
     clip: Clip<'a>,
 }
 
@@ -51,8 +51,8 @@ enum At {
 
 impl<'a, D: FrameDecoder> ClipDecoder<'a, D> {
     pub(super) fn new(clip: Clip<'a>, decoder: D) -> Self {
-        let (at, lag) = (At::Boundary(clip.header_bytes()), Lag::new(&decoder));
-        Self { cursor: BlockCursor::outside(0), codes: &[], decoder, at, lag, clip }
+        let (at, missing) = (At::Boundary(clip.header_bytes()), Missing::at_entry(&decoder));
+        Self { cursor: BlockCursor::outside(0), codes: &[], decoder, at, missing, clip }
     }
 
     /// Decodes the next frame and returns its pose, an element a channel; `None` after the last one.
@@ -75,25 +75,25 @@ impl<'a, D: FrameDecoder> ClipDecoder<'a, D> {
     #[inline(never)]
     fn advance(&mut self) -> Result<bool, Error> {
         loop {
-            match self.cross() {
-                // What a codec with a delay gives before its first pose.
-                Ok(true) if self.lag.hides() => {}
-                Ok(found) => return Ok(found),
+            let found = match self.cross() {
+                Ok(found) => found,
                 Err(error) => return self.fail(error),
+            };
+            if !(found && self.missing.hides_pose(&self.decoder)) {
+                return Ok(found);
             }
         }
     }
 
     #[inline(always)]
     fn cross(&mut self) -> Result<bool, Error> {
-        let frames = self.clip.frames();
-        if self.cursor.frame >= frames {
-            if self.cursor.frame >= self.lag.end(frames) {
-                return Ok(false);
+        if self.cursor.frame >= self.clip.frames() {
+            let found = has_poses_left(&self.decoder, self.cursor.frame, self.clip.frames());
+            if found {
+                self.decoder.drain();
+                self.cursor = BlockCursor::outside(self.cursor.frame.saturating_add(1));
             }
-            self.decoder.drain();
-            self.cursor = BlockCursor::outside(self.cursor.frame.saturating_add(1));
-            return Ok(true);
+            return Ok(found);
         }
         if let At::Boundary(at) = self.at {
             self.enter(at)?;
@@ -132,15 +132,15 @@ impl<'a, D: FrameDecoder> ClipDecoder<'a, D> {
     }
 
     /// Goes back to before the first frame.
-    pub const fn rewind(&mut self) {
+    pub fn rewind(&mut self) {
         self.go_to(0, self.clip.header_bytes());
     }
 
     /// Goes to before an entry point: its first frame, and where the block's header is.
-    const fn go_to(&mut self, frame: u32, at: usize) {
+    fn go_to(&mut self, frame: u32, at: usize) {
         self.at = At::Boundary(at);
         self.cursor = BlockCursor::outside(frame);
-        self.lag.restart();
+        self.missing = Missing::at_entry(&self.decoder);
     }
 
     /// Decodes frame `frame` (0 is the first) and returns its pose; `None` where there is no such frame, which
@@ -179,8 +179,8 @@ impl<'a, D: FrameDecoder> ClipDecoder<'a, D> {
     }
 
     /// Number of the frame that comes next.
-    pub const fn position(&self) -> u32 {
-        self.lag.position(self.cursor.frame)
+    pub fn position(&self) -> u32 {
+        self.missing.position(&self.decoder, self.cursor.frame)
     }
 
     /// The clip.

@@ -13,6 +13,8 @@ mod bounds;
 mod clip;
 mod cursor;
 mod decoder;
+#[cfg(test)]
+mod delayed;
 mod entries;
 mod fields;
 mod header;

@@ -135,7 +135,7 @@ mod tests {
             let found = Cursor { rest: &bytes, end: 3 }.u16(FIELD).ok();
             assert_eq!(found, postcard::from_bytes::<u16>(&bytes).ok(), "{bytes:x?}");
         }
-        let mut random = Random(13);
+        let mut random = Random::new(13);
         for _ in 0..times(1_000_000, 500) {
             let mut bytes = [0xff; 6];
             bytes.iter_mut().take(random.below(6)).for_each(|byte| *byte = random.next() as u8 | 0x80);

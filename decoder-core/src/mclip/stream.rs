@@ -1,7 +1,7 @@
 //! Plays a clip that arrives in chunks of any size: first its header, then block by block.
 
 use super::block::{BLOCK_HEADER_BYTES, BlockHeader};
-use super::cursor::{BlockCursor, Lag};
+use super::cursor::{BlockCursor, Missing, has_poses_left};
 use super::fields::{PREFIX_BYTES, Prefix};
 use super::header::Header;
 use crate::codec::contract::FrameDecoder;
@@ -58,7 +58,7 @@ pub struct BlockStream<'a, 's, D> {
     expect: Expect,
     /// Number of the frame whose codes come next.
     frame: u32,
-    lag: Lag,
+    missing: Missing,
     /// Where the next block's header is, as far as bytes were not lost.
     at: usize,
 }
@@ -92,8 +92,8 @@ impl<'a, 's, D: FrameDecoder> BlockStream<'a, 's, D> {
     pub(super) fn with_decoder(header: Header<'a>, decoder: D, buffer: &'s mut [u8]) -> Result<Self, Error> {
         let needed = usize::from(header.fields().block_bytes).max(BLOCK_HEADER_BYTES);
         let buffer = front(buffer, needed, Field::Payload)?;
-        let (expect, lag) = (Expect::Header { resuming: false }, Lag::new(&decoder));
-        Ok(Self { header, decoder, buffer, filled: 0, expect, frame: 0, lag, at: 0 })
+        let (expect, missing) = (Expect::Header { resuming: false }, Missing::at_entry(&decoder));
+        Ok(Self { header, decoder, buffer, filled: 0, expect, frame: 0, missing, at: 0 })
     }
 
     /// Takes bytes off the front of `chunk` until a frame is whole and returns its pose; `None` once all of `chunk`
@@ -123,10 +123,10 @@ impl<'a, 's, D: FrameDecoder> BlockStream<'a, 's, D> {
                     let resuming = *resuming;
                     let frames = self.header.frames();
                     if self.frame >= frames && !resuming {
-                        if self.frame < self.lag.end(frames) {
+                        if has_poses_left(&self.decoder, self.frame, frames) {
                             self.decoder.drain();
                             self.frame = self.frame.saturating_add(1);
-                            if self.lag.hides() {
+                            if self.missing.hides_pose(&self.decoder) {
                                 continue;
                             }
                             return Ok(true);
@@ -144,7 +144,7 @@ impl<'a, 's, D: FrameDecoder> BlockStream<'a, 's, D> {
                     let expected = (!resuming).then_some(self.frame);
                     let block = BlockHeader::read(bytes, self.at, &self.header, expected)?;
                     if resuming && block.entry {
-                        self.lag.restart();
+                        self.missing = Missing::at_entry(&self.decoder);
                     }
                     self.expect = if resuming && !block.entry {
                         Expect::Skip { left: block.length.into() }
@@ -177,7 +177,7 @@ impl<'a, 's, D: FrameDecoder> BlockStream<'a, 's, D> {
                         || cursor.next(&mut self.decoder, bytes)?
                     {
                         self.frame = self.frame.saturating_add(1);
-                        if self.lag.hides() {
+                        if self.missing.hides_pose(&self.decoder) {
                             continue;
                         }
                         return Ok(true);
@@ -219,8 +219,8 @@ impl<'a, 's, D: FrameDecoder> BlockStream<'a, 's, D> {
     }
 
     /// Number of the frame that comes next.
-    pub const fn position(&self) -> u32 {
-        self.lag.position(self.frame)
+    pub fn position(&self) -> u32 {
+        self.missing.position(&self.decoder, self.frame)
     }
 
     /// The header.

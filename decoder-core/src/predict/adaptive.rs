@@ -97,15 +97,18 @@ impl Correlation<'_> {
     /// Takes in a [movement]. `window` is s, 1 to [`MAX_WINDOW`]. Three 16-bit multiplies.
     #[inline(always)]
     pub fn add(&mut self, movement: i16, window: u32) {
-        let last = self.movements();
-        let [movements, sums @ ..] = &mut *self.0;
-        for (word, product) in sums.iter_mut().zip(products(movement, last)) {
-            // Products are at most 2^24 in magnitude, so sums are at most 2^30 + 2^24.
-            let sum = word.cast_signed();
-            *word = sum.wrapping_sub(sum.wrapping_shr(window)).wrapping_add(product).cast_unsigned();
-        }
+        let [movements, r0, r1, r2] = *self.0;
+        let last = unpair(movements.cast_signed());
         let [newest, _] = last;
-        *movements = pair([movement, newest]).cast_unsigned();
+        let [p0, p1, p2] = products(movement, last);
+        // Products are at most 2^24 in magnitude, so sums are at most 2^30 + 2^24.
+        let decayed = |word: u32, product: i32| {
+            let sum = word.cast_signed();
+            // In this order, the sum may be shifted in its register.
+            sum.wrapping_add(product).wrapping_sub(sum.wrapping_shr(window)).cast_unsigned()
+        };
+        let movements = pair([movement, newest]).cast_unsigned();
+        *self.0 = [movements, decayed(r0, p0), decayed(r1, p1), decayed(r2, p2)];
     }
 }
 
@@ -142,7 +145,7 @@ mod tests {
 
     #[test]
     fn coefficients_solve_the_normal_equations() {
-        let mut random = Random(6);
+        let mut random = Random::new(6);
         for _ in 0..times(100_000, 300) {
             // Of a stable filter, so that the bounds do not matter.
             let k = [0; 2].map(|_| (random.below(1800) as f64 - 900.0) / 1000.0);
@@ -163,7 +166,7 @@ mod tests {
 
     #[test]
     fn coefficients_are_stable_for_any_sums() {
-        let mut random = Random(7);
+        let mut random = Random::new(7);
         for _ in 0..times(1_000_000, 500) {
             let any = |random: &mut Random| random.next() as i32 >> (2 + random.below(30));
             let sums = [any(&mut random).abs(), any(&mut random), any(&mut random)];
@@ -174,7 +177,7 @@ mod tests {
 
     #[test]
     fn sums_stay_in_range_for_any_movement() {
-        let mut random = Random(8);
+        let mut random = Random::new(8);
         for window in 1..=u32::from(MAX_WINDOW) {
             let mut words = [0; CORRELATION_WORDS];
             for step in 0..times(20_000, 80) {

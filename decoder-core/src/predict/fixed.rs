@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn the_first_order_is_the_formula_to_a_leak_of_one_unit() {
-        let mut random = Random(5);
+        let mut random = Random::new(5);
         for _ in 0..times(200_000, 300) {
             let (last, leak) = (random.next() as i32, random.below(1 << 15) as i32);
             let exact = (1.0 - f64::from(leak) / f64::from(LEAK_ONE)) * f64::from(last);
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn the_second_order_is_the_formula_rounded_down() {
-        let mut random = Random(5);
+        let mut random = Random::new(5);
         for _ in 0..times(200_000, 300) {
             // Within ±128 units, so that nothing wraps.
             let (last, second) = (random.next() as i32 >> 8, random.next() as i32 >> 8);

@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn sums_are_those_of_the_window_for_any_movement() {
-        let mut random = Random(11);
+        let mut random = Random::new(11);
         // Interpreted, the long windows alone take a quarter of an hour.
         let lengths: &[usize] = if cfg!(miri) { &[15] } else { &[15, 16, 17, 60, 119, 120] };
         for &length in lengths {

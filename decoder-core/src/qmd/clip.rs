@@ -1,6 +1,5 @@
 //! A clip that lies in memory: parsed once, read in place.
 
-use super::decoder::Decoder;
 use super::segment::{Header, Layout, SEGMENT_HEADER_BYTES, add_frames, check_level};
 use crate::error::{Error, Field, Limits};
 use crate::word::fixed_from_f32_bits;
@@ -95,22 +94,6 @@ impl<'a> Clip<'a> {
     /// Hierarchy level of every channel, 1 for the root's (section 3.2).
     pub const fn levels(&self) -> &'a [u8] {
         self.levels
-    }
-
-    /// A decoder before the first frame.
-    ///
-    /// `pose` holds the channels between frames, one element each. `table`, where it is lent, holds each
-    /// segment's table in fixed point: a frame that opens a segment then costs `2^b` conversions more, and the
-    /// others one load a channel instead of a conversion.
-    ///
-    /// # Errors
-    /// [`Error::OutputTooSmall`] where `pose` or `table` is.
-    pub fn decoder<'s>(
-        &self,
-        pose: &'s mut [I16F16],
-        table: Option<&'s mut [i32]>,
-    ) -> Result<Decoder<'a, 's>, Error> {
-        Decoder::new(*self, pose, table)
     }
 
     /// Puts the initial pose into `pose`, which has an element a channel.
@@ -212,7 +195,7 @@ mod tests {
         // of 136 frames, 28.1 for the walk of 343, 177.2 for the sword play of 2251.
         let layout = Layout { channels: 62, rate_centihertz: 0, fixed_channels: 6, index_bits: 8 };
         for (frames, tenths_of_kib) in [(136, 119), (343, 281), (2251, 1772)].into_iter().step_by(stride(3)) {
-            let bytes = testing::clip(layout, &[frames], &mut Random(1));
+            let bytes = testing::clip(layout, &[frames], &mut Random::new(1));
             assert_eq!(bytes.len(), 1037 + 5 * 62 + frames as usize * (4 * 6 + 62 - 6));
             assert_eq!((bytes.len() as f64 / 102.4).round() as u32, tenths_of_kib);
             assert_eq!(Clip::parse(&bytes, Limits::MAX).unwrap().frames(), frames);
@@ -221,7 +204,7 @@ mod tests {
 
     #[test]
     fn fields_are_read_where_they_are_written() {
-        let bytes = testing::clip(SMALL, &[2, 5], &mut Random(2));
+        let bytes = testing::clip(SMALL, &[2, 5], &mut Random::new(2));
         let clip = Clip::parse(&bytes, Limits::MAX).unwrap();
         assert_eq!(clip.layout(), SMALL);
         assert_eq!((clip.frames(), clip.segments(), clip.table_len()), (7, 2, 256));
@@ -230,7 +213,7 @@ mod tests {
 
     #[test]
     fn every_truncation_is_an_error_unless_a_segment_ends_there() {
-        let bytes = testing::clip(SMALL, &[4, 3], &mut Random(3));
+        let bytes = testing::clip(SMALL, &[4, 3], &mut Random::new(3));
         let first =
             SEGMENT_HEADER_BYTES + SMALL.opening_bytes() + SMALL.table_bytes() + 4 * SMALL.row_bytes();
         for len in (0..bytes.len()).step_by(stride(41)) {
@@ -247,7 +230,7 @@ mod tests {
 
     #[test]
     fn every_bit_flip_is_decoded_or_refused() {
-        let bytes = testing::clip(SMALL, &[4, 3], &mut Random(4));
+        let bytes = testing::clip(SMALL, &[4, 3], &mut Random::new(4));
         let mut refused = 0;
         for bit in (0..bytes.len() * 8).step_by(stride(397)) {
             let mut flipped = bytes.clone();
@@ -260,7 +243,7 @@ mod tests {
 
     #[test]
     fn random_bytes_are_refused() {
-        let mut random = Random(5);
+        let mut random = Random::new(5);
         for _ in 0..times(20_000, 20) {
             let len = random.below(2000);
             let bytes: Vec<u8> = (0..len).map(|_| random.next() as u8).collect();
@@ -270,7 +253,7 @@ mod tests {
 
     #[test]
     fn limits_hold() {
-        let bytes = testing::clip(SMALL, &[4, 3], &mut Random(6));
+        let bytes = testing::clip(SMALL, &[4, 3], &mut Random::new(6));
         assert_eq!(
             Clip::parse(&bytes, Limits { channels: 2, frames: 10 }).unwrap_err(),
             Error::Limit { field: Field::Channels, found: 3, limit: 2 }
@@ -292,7 +275,7 @@ mod tests {
 
     #[test]
     fn values_that_no_encoder_writes_are_refused_where_they_are() {
-        let sound = testing::clip(SMALL, &[4, 3], &mut Random(8));
+        let sound = testing::clip(SMALL, &[4, 3], &mut Random::new(8));
         for (field, at, value, found, low, high) in [
             (Field::Frames, 0, &[0; 4][..], 0, 1, u32::MAX),
             (Field::Channels, 4, &[0, 0], 0, 1, 65535),
@@ -312,7 +295,7 @@ mod tests {
 
     #[test]
     fn a_later_segment_must_repeat_the_layout() {
-        let mut bytes = testing::clip(SMALL, &[1, 1], &mut Random(7));
+        let mut bytes = testing::clip(SMALL, &[1, 1], &mut Random::new(7));
         let second = bytes.len() - SEGMENT_HEADER_BYTES - SMALL.table_bytes() - SMALL.row_bytes();
         bytes[second + 12] = 9;
         assert_eq!(

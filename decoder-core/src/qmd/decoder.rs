@@ -2,8 +2,8 @@
 
 use super::clip::{Clip, Segment};
 use super::row::{self, NARROW};
-use super::segment::lent;
 use crate::error::{Error, Field};
+use crate::memory::front;
 use fixed::types::I16F16;
 
 /// A position in a clip, and the pose there. Made by [`Clip::decoder`].
@@ -54,13 +54,27 @@ impl<'a> Table<'a, '_> {
     }
 }
 
-impl<'a, 's> Decoder<'a, 's> {
-    pub(super) fn new(
-        clip: Clip<'a>,
+impl<'a> Clip<'a> {
+    /// A decoder before the first frame.
+    ///
+    /// `pose` holds the channels between frames, one element each. `table`, where it is lent, holds each
+    /// segment's table in fixed point: a frame that opens a segment then costs `2^b` conversions more, and the
+    /// others one load a channel instead of a conversion.
+    ///
+    /// # Errors
+    /// [`Error::OutputTooSmall`] where `pose` or `table` is.
+    pub fn decoder<'s>(
+        &self,
         pose: &'s mut [I16F16],
         table: Option<&'s mut [i32]>,
-    ) -> Result<Self, Error> {
-        let pose = lent(pose, clip.channels(), Field::Pose)?;
+    ) -> Result<Decoder<'a, 's>, Error> {
+        Decoder::new(*self, pose, table)
+    }
+}
+
+impl<'a, 's> Decoder<'a, 's> {
+    fn new(clip: Clip<'a>, pose: &'s mut [I16F16], table: Option<&'s mut [i32]>) -> Result<Self, Error> {
+        let pose = front(pose, clip.channels(), Field::Pose)?;
         let (segment, rest) = clip.first_segment();
         let mut table = match (table, segment.table.first_chunk()) {
             (None, Some(floats)) if clip.table_len() == NARROW => Table::NarrowFloats(floats),
@@ -71,7 +85,7 @@ impl<'a, 's> Decoder<'a, 's> {
                 Table::NarrowWords(words.first_chunk_mut().ok_or(small)?)
             }
             (Some(words), _) => {
-                Table::Wide(segment.table, Some(lent(words, clip.table_len(), Field::Table)?))
+                Table::Wide(segment.table, Some(front(words, clip.table_len(), Field::Table)?))
             }
         };
         clip.initial_pose(pose);
@@ -171,7 +185,7 @@ mod tests {
         for (seed, layout) in
             testing::layouts().into_iter().filter(testing::affordable).step_by(times(1, 6)).enumerate()
         {
-            let bytes = testing::clip(layout, &[3, 1, 5], &mut Random(seed as u64));
+            let bytes = testing::clip(layout, &[3, 1, 5], &mut Random::new(seed as u64));
             let clip = Clip::parse(&bytes, Limits::MAX).unwrap();
             let expected = testing::reference(&bytes);
             assert_eq!(clip.frames() as usize, expected.len());
@@ -189,7 +203,7 @@ mod tests {
 
     #[test]
     fn seeking_gives_the_frame_that_playing_gives() {
-        let mut random = Random(9);
+        let mut random = Random::new(9);
         let layout = testing::layouts()[30];
         let bytes = testing::clip(layout, &[7, 4, 9], &mut random);
         let expected = testing::reference(&bytes);

@@ -132,9 +132,3 @@ pub(super) fn check_level(level: u8, at: usize) -> Result<(), Error> {
     }
     Ok(())
 }
-
-/// The front of `slice`, `needed` elements long, if there are so many: what a caller lent, cut to size.
-pub(super) fn lent<T>(slice: &mut [T], needed: usize, field: Field) -> Result<&mut [T], Error> {
-    let lent = slice.len();
-    slice.get_mut(..needed).ok_or(Error::OutputTooSmall { field, needed, lent })
-}

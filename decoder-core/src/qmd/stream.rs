@@ -5,8 +5,9 @@
 //! buffer. Frames and errors are the same for every way to cut the bytes into chunks.
 
 use super::row;
-use super::segment::{Header, Layout, SEGMENT_HEADER_BYTES, add_frames, check_level, lent};
+use super::segment::{Header, Layout, SEGMENT_HEADER_BYTES, add_frames, check_level};
 use crate::error::{Error, Field, Limits};
+use crate::memory::front;
 use crate::word::fixed_from_f32_bits;
 use fixed::types::I16F16;
 
@@ -141,7 +142,7 @@ impl<'s> Stream<'s> {
             Expect::Row => {
                 if let Some(layout) = self.layout {
                     let channels = usize::from(layout.channels);
-                    let pose = lent(self.pose, channels, Field::Pose)?;
+                    let pose = front(self.pose, channels, Field::Pose)?;
                     if let Some((values, indices)) = row::add_floats(layout.fixed_channels, unit, pose) {
                         match self.words.first_chunk() {
                             Some(words) if layout.index_bits == 8 => row::add_words(values, indices, words),
@@ -166,9 +167,9 @@ impl<'s> Stream<'s> {
                 let layout = header.layout;
                 self.rows = header.rows;
                 add_frames(self.frames, header.rows, self.limits)?;
-                lent(self.pose, usize::from(layout.channels), Field::Pose)?;
-                lent(self.words, layout.table_len(), Field::Table)?;
-                lent(self.unit.buffer, layout.row_bytes(), Field::Rows)?;
+                front(self.pose, usize::from(layout.channels), Field::Pose)?;
+                front(self.words, layout.table_len(), Field::Table)?;
+                front(self.unit.buffer, layout.row_bytes(), Field::Rows)?;
                 Ok(match self.layout.replace(layout) {
                     None => Expect::Level { channel: 0 },
                     Some(_) => Expect::Entry { index: 0 },
@@ -332,7 +333,7 @@ mod tests {
 
     #[test]
     fn any_chunking_gives_the_frames_of_the_clip_in_memory() {
-        let mut random = Random(11);
+        let mut random = Random::new(11);
         for layout in testing::layouts().into_iter().filter(testing::affordable).step_by(stride(6)) {
             let bytes = testing::clip(layout, &[2, 3], &mut random);
             let expected = testing::reference(&bytes);
@@ -347,7 +348,7 @@ mod tests {
 
     #[test]
     fn damage_is_found_at_the_byte_where_parse_finds_it() {
-        let mut random = Random(12);
+        let mut random = Random::new(12);
         let layout = testing::layouts()[18];
         let sound = testing::clip(layout, &[2, 3], &mut random);
         let limits = Limits { channels: 3, frames: 5 };
@@ -370,7 +371,7 @@ mod tests {
 
     #[test]
     fn of_two_errors_both_name_the_first() {
-        let mut bytes = testing::clip(testing::layouts()[18], &[2, 3], &mut Random(15));
+        let mut bytes = testing::clip(testing::layouts()[18], &[2, 3], &mut Random::new(15));
         bytes[SEGMENT_HEADER_BYTES] = 0;
         let limits = Limits { channels: 3, frames: 1 };
         let error = Error::Limit { field: Field::Frames, found: 2, limit: 1 };
@@ -380,7 +381,7 @@ mod tests {
 
     #[test]
     fn every_truncation_is_told_at_the_end() {
-        let bytes = testing::clip(testing::layouts()[18], &[2, 3], &mut Random(13));
+        let bytes = testing::clip(testing::layouts()[18], &[2, 3], &mut Random::new(13));
         for len in (0..bytes.len()).step_by(stride(97)) {
             let (_, end) = play(&bytes[..len], Limits::MAX, || 19);
             assert_eq!(end.is_ok(), Clip::parse(&bytes[..len], Limits::MAX).is_ok(), "{len}");
@@ -390,7 +391,7 @@ mod tests {
     #[test]
     fn memory_that_is_too_small_is_told_with_the_size_that_is_needed() {
         let layout = Layout { channels: 62, rate_centihertz: 0, fixed_channels: 6, index_bits: 9 };
-        let bytes = testing::clip(layout, &[1], &mut Random(14));
+        let bytes = testing::clip(layout, &[1], &mut Random::new(14));
         let row = 4 * 6 + 2 * 56;
         for (pose, table, buffer, error) in [
             (61, 512, row, Error::OutputTooSmall { field: Field::Pose, needed: 62, lent: 61 }),

@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn the_error_is_half_a_step_between_the_limits() {
-        let mut random = Random(4);
+        let mut random = Random::new(4);
         for _ in 0..times(200_000, 300) {
             let bits = 1 + random.below(16) as u8;
             let (a, b) = (random.next() as i32 >> random.below(32), random.next() as i32 >> random.below(32));

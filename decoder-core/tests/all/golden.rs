@@ -2,9 +2,9 @@
 //! and against every mutant (docs/TESTING.md).
 
 use crate::common::{Heap, LIMITS, Vector, block_buffer, vectors};
-use decoder_core::mclip::{self, Receiver};
+use decoder_core::mclip::{self, EntryPoint, Receiver};
 use decoder_core::qmd::{self, MAX_INDEX_BITS};
-use decoder_core::{Error, I16F16};
+use decoder_core::{Error, Field, I16F16};
 use sha2::{Digest, Sha256};
 
 /// Chunks to stream in.
@@ -82,6 +82,10 @@ fn mclip_in_place() {
             decoder.rewind();
             assert_eq!(decoder.position(), 0);
         }
+        let mut index = vec![EntryPoint::EMPTY; clip.entry_count() as usize];
+        let indexed = clip.with_index(&mut index).unwrap();
+        let mut other = Heap::new(clip.header().needs());
+        let mut by_index = indexed.decoder(other.memory()).unwrap();
         // The golden ratio visits the clip in jumps both ways.
         let mut at = 0;
         for _ in 0..24 {
@@ -89,6 +93,9 @@ fn mclip_in_place() {
             let before = decoder.position();
             decoder.approach(at as u32).unwrap();
             let near = decoder.position();
+            by_index.approach(at as u32).unwrap();
+            assert_eq!(by_index.position(), near, "{name} near {at}");
+            assert_eq!(by_index.seek(at as u32).unwrap(), Some(frames[at].as_slice()), "{name}: {at}");
             assert!(near <= at as u32, "{name} near {at}: {near}");
             // Where it did not stay it is at an entry point, which decodes by itself, and so does not depend on what was before.
             if near != before {
@@ -140,4 +147,25 @@ fn mclip_streamed() {
             assert_eq!(streamed(&bytes, size).as_ref(), Ok(&sha256), "{name} in chunks of {size}");
         }
     }
+}
+
+#[test]
+fn an_index_has_the_entry_points_of_the_clip() {
+    let mut points = 0;
+    for Vector { name, bytes, .. } in vectors("SHA256SUMS.mclip") {
+        let clip = mclip::Clip::parse(&bytes, LIMITS).unwrap();
+        let needed = clip.entry_count() as usize;
+        let mut memory = vec![EntryPoint { first_frame: 9, at: 9 }; needed];
+        let lent = needed - 1;
+        let error = Error::OutputTooSmall { field: Field::Entry, needed, lent };
+        assert_eq!(clip.with_index(&mut memory[..lent]).unwrap_err(), error, "{name}");
+        clip.with_index(&mut memory).unwrap();
+        let blocks = clip.blocks().map(Result::unwrap);
+        let entries = blocks.filter(|block| block.header.entry);
+        let expected =
+            entries.map(|block| EntryPoint { first_frame: block.header.first_frame, at: block.at as u32 });
+        assert_eq!(memory, expected.collect::<Vec<_>>(), "{name}");
+        points += needed;
+    }
+    assert!(points > 40, "{points}");
 }

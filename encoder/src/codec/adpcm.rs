@@ -110,10 +110,6 @@ impl Encode for Adpcm {
         CodecId::Adpcm
     }
 
-    fn about(&self) -> &'static str {
-        "The same, and what --adapt names adapts"
-    }
-
     /// Steps that adapt go where they want.
     fn has_free_steps(&self) -> bool {
         self.step == StepRule::Fixed

@@ -60,10 +60,6 @@ impl Encode for Dpcm {
         CodecId::Dpcm
     }
 
-    fn about(&self) -> &'static str {
-        "Differences to a prediction"
-    }
-
     fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError> {
         encode(self, task, quality)
     }

@@ -15,9 +15,6 @@ pub trait Encode: Debug + Sync {
     /// The codec in the list of codecs.
     fn id(&self) -> CodecId;
 
-    /// What the codec is, in some words, for a command's help.
-    fn about(&self) -> &'static str;
-
     /// Most bits of a code that may be asked for.
     fn most_bits(&self) -> u8 {
         MAX_BITS

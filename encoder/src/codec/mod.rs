@@ -1,24 +1,35 @@
-//! One file a codec: its settings, and how they encode a motion.
+//! One file a codec: its settings, and how they encode a motion. Each mirrors the file of the same name in `decoder-core`, and
+//! the list of codecs there makes the modules, and the type that holds the settings of any codec.
 
-pub mod adpcm;
-pub mod dpcm;
 pub mod encode;
-pub mod mulaw;
-pub mod pcm;
-pub mod qmd;
 pub mod scalar;
 
 use decoder_core::mclip::CodecId;
 use encode::Encode;
 
+/// Takes the list of codecs apart: encoders do not care which of the codecs are scalar.
 macro_rules! codecs {
-    ($($Codec:ident($Settings:ty);)*) => {
+    (scalar { $($scalar:tt)* } other { $($other:tt)* }) => {
+        settings! { $($scalar)* $($other)* }
+    };
+}
+
+macro_rules! settings {
+    ($(
+        #[doc = $about:literal]
+        $id:literal $Codec:ident($module:ident $(<$life:lifetime>)?) $name:literal [$($part:literal),*];
+    )*) => {
+        $(
+            #[doc = concat!($name, ":", $about)]
+            pub mod $module;
+        )*
+
         /// A codec with its settings.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub enum CodecSettings {
             $(
-                #[doc = concat!("[`", stringify!($Codec), "`](", stringify!($Settings), ").")]
-                $Codec($Settings),
+                #[doc = $about]
+                $Codec($module::$Codec),
             )*
         }
 
@@ -26,7 +37,14 @@ macro_rules! codecs {
             /// The settings that a codec has unless others are asked for.
             pub fn new(codec: CodecId) -> Self {
                 match codec {
-                    $(CodecId::$Codec => Self::$Codec(<$Settings>::default()),)*
+                    $(CodecId::$Codec => Self::$Codec($module::$Codec::default()),)*
+                }
+            }
+
+            /// Which codec it is.
+            pub const fn id(&self) -> CodecId {
+                match self {
+                    $(Self::$Codec(_) => CodecId::$Codec,)*
                 }
             }
 
@@ -48,7 +66,7 @@ macro_rules! codecs {
             pub fn curves(codec: CodecId) -> Vec<(&'static str, Self)> {
                 match codec {
                     $(CodecId::$Codec => {
-                        let curves = <$Settings>::curves().into_iter();
+                        let curves = $module::$Codec::curves().into_iter();
                         curves.map(|(name, settings)| (name, Self::$Codec(settings))).collect()
                     })*
                 }
@@ -62,25 +80,19 @@ macro_rules! codecs {
             }
         }
 
-        $(impl From<$Settings> for CodecSettings {
-            fn from(settings: $Settings) -> Self {
+        /// What a codec is, in some words, as the list of codecs has it.
+        pub const fn about(codec: CodecId) -> &'static str {
+            match codec {
+                $(CodecId::$Codec => $about,)*
+            }
+        }
+
+        $(impl From<$module::$Codec> for CodecSettings {
+            fn from(settings: $module::$Codec) -> Self {
                 Self::$Codec(settings)
             }
         })*
     };
 }
 
-codecs! {
-    Pcm(pcm::Pcm);
-    MuLaw(mulaw::MuLaw);
-    Dpcm(dpcm::Dpcm);
-    Adpcm(adpcm::Adpcm);
-    Qmd(qmd::Qmd);
-}
-
-impl CodecSettings {
-    /// Which codec it is.
-    pub fn id(&self) -> CodecId {
-        self.encoder().id()
-    }
-}
+decoder_core::for_each_codec!(codecs);

@@ -40,10 +40,6 @@ impl Encode for MuLaw {
         CodecId::MuLaw
     }
 
-    fn about(&self) -> &'static str {
-        "Differences in mu-law steps"
-    }
-
     fn most_bits(&self) -> u8 {
         MOST_BITS
     }

@@ -20,10 +20,6 @@ impl Encode for Pcm {
         CodecId::Pcm
     }
 
-    fn about(&self) -> &'static str {
-        "Values in steps between two limits"
-    }
-
     fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError> {
         encode(self, task, quality)
     }

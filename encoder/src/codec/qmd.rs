@@ -42,10 +42,6 @@ impl Encode for Qmd {
         CodecId::Qmd
     }
 
-    fn about(&self) -> &'static str {
-        "Look-up tables of differences between frames"
-    }
-
     fn most_bits(&self) -> u8 {
         MOST_BITS
     }

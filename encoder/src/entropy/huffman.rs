@@ -177,14 +177,9 @@ mod tests {
 
     #[test]
     fn lengths_are_the_best_ones_and_fill_the_code() {
-        let mut state = 1u64;
+        let mut rng = fastrand::Rng::with_seed(1);
         for n in 2..60 {
-            let weights: Vec<u64> = (0..n)
-                .map(|_| {
-                    state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-                    state >> 60
-                })
-                .collect();
+            let weights: Vec<u64> = (0..n).map(|_| rng.u64(..16)).collect();
             if weights.iter().filter(|&&weight| weight > 0).count() < 2 {
                 continue;
             }

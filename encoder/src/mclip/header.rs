@@ -96,11 +96,8 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read() {
-        let mut state = 1u64;
-        let mut below = |end: u64| {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 33) % end
-        };
+        let mut rng = fastrand::Rng::with_seed(1);
+        let mut below = |end: u64| rng.u64(..end);
         for round in 0..500 {
             let is_pcm = round % 5 == 0;
             let precision = below(16) as u8;

@@ -46,8 +46,9 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// The goal for a channel value, before limits, in 1/1024 goal units: `zero + value · scale`, rounded down; it saturates
-    /// at ±2³⁰, just beyond [`GOAL_LIMIT`].
+    /// The goal for a channel value, before limits, in 1/1024 goal units: `zero + value · scale`, rounded down.
+    ///
+    /// It saturates at ±2³⁰, just beyond [`GOAL_LIMIT`].
     ///
     /// Four 32-bit multiplies.
     #[inline]

@@ -98,7 +98,9 @@ impl<const N: usize> JointMap<N> {
         Self::new(map.settings, map.buses, map.joints)
     }
 
-    /// Writes the bytes of the map to the front of `buffer` and returns them; [`bytes_len`](super::bytes_len) bytes are enough.
+    /// Writes the bytes of the map to the front of `buffer` and returns them.
+    ///
+    /// [`bytes_len`](super::bytes_len) bytes are enough.
     ///
     /// # Errors
     /// [`MapError::BufferTooSmall`].

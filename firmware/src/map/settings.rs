@@ -51,7 +51,8 @@ pub struct Settings {
     pub min_millivolts: u16,
     /// Silence in ms after which servos with a watchdog of their own stop; 0: not armed.
     pub servo_watchdog_millis: u16,
-    /// Channels that clips must have, so that one of another skeleton is refused; 0: as many as the joints need, or more.
+    /// Channels that clips must have, so that a clip of another skeleton is refused; 0: as many as the joints need, or
+    /// more.
     pub channels: u16,
 }
 

@@ -1,7 +1,7 @@
 //! The bytes of a joint map. docs/MAP.md describes them; tests hold the page and this file together.
 //!
-//! [postcard](https://postcard.jamesmunns.com/wire-format) writes the fields of [`MapBytes`], [`Settings`], [`BusSpec`] and
-//! [`Joint`] in the order of their declaration, so that order is part of the format: a field is added at the end of
+//! [postcard](https://postcard.jamesmunns.com/wire-format) writes the fields of [`MapBytes`], [`Settings`], [`BusSpec`]
+//! and [`Joint`] in the order of their declaration. So that order is part of the format: a field is added at the end of
 //! [`MapBytes`] only, with a new [`VERSION`]. Choices are written as the numbers that `numbered!` gives them.
 
 use super::bus::{BusSpec, MAX_BUSES};

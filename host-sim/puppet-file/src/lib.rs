@@ -79,7 +79,8 @@
 //! [[bus]]
 //! name = "face"
 //! kind = "pca9685"          # dynamixel, dynamixel1, sts, scs, pwm, pca9685, blender
-//! baud = 50                 # bits per second; of pwm and pca9685 the pulses per second, and ids are numbers of outputs from 0
+//! baud = 50                 # bits per second; of pwm and pca9685 the pulses per second
+//!                           # (ids on these two are the numbers of their outputs, from 0)
 //! ```
 
 #![forbid(unsafe_code)]

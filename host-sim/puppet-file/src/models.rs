@@ -1,7 +1,7 @@
 //! Names of servos' model numbers.
 //!
-//! Source: e-Manual, "Model Number" in the control table of each Dynamixel; Feetech's memory tables, where the number is
-//! the first byte and 256 times the second one.
+//! Source: e-Manual, "Model Number" in the control table of each Dynamixel; Feetech's memory tables, where the number
+//! is the first byte and 256 times the second one.
 
 use firmware::map::BusKind;
 use serde::Deserialize;

@@ -130,8 +130,9 @@ impl Puppet {
         self.file.joint.iter().find(is).map_or("", |entry| entry.name.get_ref())
     }
 
-    /// The channels that the joints follow, as `bunraku encode --puppet` orders them: joints of the skeleton as the file
-    /// names them first, and the channels of each as it does.
+    /// The channels that the joints follow, as `bunraku encode --puppet` orders them.
+    ///
+    /// The skeleton's joints come in the order in which the file names them first, and so do the channels of each.
     ///
     /// # Errors
     /// A channel whose name does not say what it moves.

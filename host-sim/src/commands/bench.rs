@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 use thumb_cycles::Core;
 
-/// Compare with what else is at hand.
+/// Compare our codecs with other ways to store motion.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku bench peers")]
 pub struct Args {
@@ -117,4 +117,5 @@ fn print(name: &str, frames: usize, channels: usize, entries: &[Entry]) {
          decoder's, without the motion.",
         peers::BLOCK_BYTES
     );
+    CORES.iter().for_each(|core| println!("{}", core.evidence()));
 }

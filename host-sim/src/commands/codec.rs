@@ -4,12 +4,13 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command, FromArgMatches};
 use decoder_core::mclip::{CodecId, EntropyId};
-use encoder::codec::CodecSettings;
 use encoder::codec::encode::{CodecOption, OptionError};
+use encoder::codec::{self, CodecSettings};
 
 /// Parses the name of a codec.
 pub fn codec() -> impl TypedValueParser<Value = CodecId> {
-    let value = |id: CodecId| PossibleValue::new(id.name()).help(CodecSettings::new(id).encoder().about());
+    let value =
+        |id: CodecId| PossibleValue::new(id.name()).help(codec::about(id).trim().trim_end_matches('.'));
     let find = |name: String| CodecId::ALL.into_iter().find(|id| id.name() == name).ok_or("no codec");
     PossibleValuesParser::new(CodecId::ALL.map(value)).try_map(find)
 }

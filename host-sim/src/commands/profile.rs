@@ -339,6 +339,9 @@ fn print(report: &Report) {
     if report.cores.iter().any(|core| core.tolerance.is_none_or(|tolerance| tolerance > 0.1)) {
         println!("* an estimate: see docs/CYCLES.md");
     }
+    for core in report.cores.iter().filter_map(|core| Core::from_name(core.core)) {
+        println!("{}", core.evidence());
+    }
     for core in &report.cores {
         println!("\n{}: where a {unit}'s cycles go", core.core);
         for function in core.functions.iter().filter(|function| function.share >= 0.005) {

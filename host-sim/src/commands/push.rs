@@ -105,8 +105,9 @@ enum Action {
         /// Its number.
         frame: u32,
     },
-    /// Tell the device at which frame an outside clock is now (audio, timecode). The clip plays a little faster or slower until
-    /// it is at the same frame. Where the two are more than a sixteenth of a second apart, the clip fades to the frame.
+    /// Tell the device at which frame an outside clock is now (audio, timecode).
+    ///
+    /// The clip plays a little faster or slower until it is at the same frame. Where the two are more than a sixteenth of a second apart, the clip fades to the frame.
     Sync {
         /// The frame, with a part of the next one: 120.5.
         #[arg(value_parser = frame)]

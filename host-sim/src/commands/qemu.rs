@@ -51,6 +51,6 @@ pub fn run(args: Args) -> Result<ExitCode> {
         servos.receive(bytes, u64::try_from(now.as_micros()).unwrap_or(u64::MAX), &mut |_| {})
     };
     let device: Option<&mut qemu::Device<'_>> = if ids.is_empty() { None } else { Some(&mut device) };
-    qemu::run(&image, device, Duration::from_secs(args.timeout), &mut |line| println!("{line}"))?;
+    qemu::run_image(&image, device, Duration::from_secs(args.timeout), &mut |line| println!("{line}"))?;
     Ok(ExitCode::SUCCESS)
 }

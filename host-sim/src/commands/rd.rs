@@ -248,7 +248,7 @@ fn swept(args: &Args, motions: &[Named]) -> Result<ExitCode> {
     let bar = ProgressBar::new(sweep::len(motions, &curves) as u64);
     bar.set_style(ProgressStyle::with_template("{wide_bar} {pos} of {len} encodes, {eta} left")?);
     bar.enable_steady_tick(Duration::from_millis(200));
-    let points = sweep::run(motions, &curves, &|| bar.inc(1))?;
+    let points = sweep::sweep_all(motions, &curves, &|| bar.inc(1))?;
     bar.finish_and_clear();
     if let Some(path) = &args.csv {
         files::write(path, |file| sweep::write_csv(&points, file))?;

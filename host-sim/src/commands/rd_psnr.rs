@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use host_sim::rd::Named;
-use host_sim::rd::psnr::{Method, Reached, run as reach};
+use host_sim::rd::psnr::{Method, Reached, reach_all};
 use std::process::ExitCode;
 
 /// A method on all motions together.
@@ -47,7 +47,7 @@ impl Pooled {
 /// Brings all methods to a PSNR on all motions and reports what that takes.
 pub fn run(motions: &[Named], db: f64, json: bool) -> Result<ExitCode> {
     let methods = Method::all();
-    let rows = reach(motions, &methods, db)?;
+    let rows = reach_all(motions, &methods, db)?;
     let mut order: Vec<Pooled> = methods.iter().filter_map(|method| Pooled::of(method, &rows, db)).collect();
     order.sort_by(|a, b| b.bits_per_s_at.total_cmp(&a.bits_per_s_at));
     if json {

@@ -3,12 +3,13 @@
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use host_sim::files;
-use host_sim::show::{self, Program, Ran, Summary};
+use host_sim::show::{self, PlayedShow, Program, Summary};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Run a show to its end on virtual servos: clips with crossfades, commands, and servos that restart, fall silent or are cut
-/// off, and say what it came to.
+/// Run a show to its end on virtual servos, and report what happened.
+///
+/// A show is clips with crossfades, commands, and servos that restart, fall silent or are cut off.
 ///
 /// The firmware runs in this program, on the simulated Cortex-M4 (which counts what each tick costs) or under QEMU; all three tell
 /// the servos the same. Exits with 1 where a goal was outside limits, or a fault is latched in the end.
@@ -50,31 +51,31 @@ pub fn run(args: Args) -> Result<ExitCode> {
         bail!("{} has no [[clip]]", args.show.display());
     }
     let log = &mut |line: &str| eprintln!("{line}");
-    let (on, ran) = match args.on {
+    let (on, played) = match args.on {
         On::Host => ("host", show::on_host(&program)),
         On::Sim => ("sim", show::on_sim(&program, log)),
         On::Qemu => ("qemu", show::on_qemu(&program, log)),
     };
-    let ran = ran.with_context(|| format!("cannot play {}", args.show.display()))?;
-    let summary = Summary::new(&program, &ran, on);
+    let played = played.with_context(|| format!("cannot play {}", args.show.display()))?;
+    let summary = Summary::new(&program, &played, on);
     if let Some(path) = &args.html {
-        let page = show::show_page(&program, &ran, &summary);
+        let page = show::show_page(&program, &played, &summary);
         files::write(path, |file| Ok(file.write_all(page.as_bytes())?))?;
     }
     if let Some(path) = &args.log {
-        super::play::write_log(path, &ran.recording)?;
+        super::play::write_log(path, &played.recording)?;
     }
     if args.json {
-        let notes = serde_json::to_value(&ran.notes)?;
+        let notes = serde_json::to_value(&played.notes)?;
         println!("{:#}", serde_json::json!({ "summary": summary, "notes": notes }));
     } else {
-        print(&program, &ran, &summary);
+        print(&program, &played, &summary);
     }
     let good = summary.outside_limits == 0 && summary.fault.is_none();
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::from(crate::FAILED) })
 }
 
-fn print(program: &Program, ran: &Ran, summary: &Summary) {
+fn print(program: &Program, played: &PlayedShow, summary: &Summary) {
     println!(
         "{}: {} ticks at {} Hz on {} servos, {:.2} s; ends {}",
         summary.name,
@@ -119,7 +120,7 @@ fn print(program: &Program, ran: &Ran, summary: &Summary) {
             cost.left_us_median / 1e3,
             cost.left_us_min / 1e3,
             cost.overrun,
-            ran.costs.len()
+            played.costs.len()
         );
     }
     for row in &summary.overruns {
@@ -132,7 +133,7 @@ fn print(program: &Program, ran: &Ran, summary: &Summary) {
             row.awake_max
         );
     }
-    for note in ran.notes.iter().filter(|note| note.what == show::What::Refused) {
+    for note in played.notes.iter().filter(|note| note.what == show::NoteKind::Refused) {
         println!("  tick {}: the puppet did not take {}", note.tick, note.text);
     }
 }

@@ -5,7 +5,7 @@ use anyhow::{Context, Result, bail};
 use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::profile::parts::Part;
-use host_sim::profile::wearable::wear;
+use host_sim::profile::wearable::measure_wearable;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -52,21 +52,21 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     let map = play::map(&args.clip, &clip, &args.puppet, args.skeleton)?;
     let Some(part) = Part::named("nrf52840") else { bail!("no part is called nrf52840") };
-    let worn = wear(&clip, &bytes, &map, args.fps, part.clock_hz as u32, args.wait_states)
+    let cost = measure_wearable(&clip, &bytes, &map, args.fps, part.clock_hz as u32, args.wait_states)
         .with_context(|| format!("cannot wear {name}"))?;
-    let (share, mean, worst) = (worn.share(), worn.mean(), worn.worst());
+    let (share, mean, worst) = (cost.share(), cost.mean(), cost.worst());
     let energy = part.energy(mean, f64::from(args.fps), args.battery);
     if args.json {
         let report = serde_json::json!({
-            "outputs": map.joints().len(), "fps": args.fps, "ticks": worn.awake.len(), "wait_states": args.wait_states,
-            "awake": share, "cycles_mean": mean, "cycles_max": worst, "flash_bytes": worn.flash_bytes,
-            "ram_bytes": worn.ram_bytes, "stack_bytes": worn.stack_bytes, "energy": energy,
+            "outputs": map.joints().len(), "fps": args.fps, "ticks": cost.awake.len(), "wait_states": args.wait_states,
+            "awake": share, "cycles_mean": mean, "cycles_max": worst, "flash_bytes": cost.flash_bytes,
+            "ram_bytes": cost.ram_bytes, "stack_bytes": cost.stack_bytes, "energy": energy,
         });
         println!("{report:#}");
     } else {
         println!(
             "{name}: {} ticks of {} outputs at {} Hz, {} channels at {} Hz, {} wait states",
-            worn.awake.len(),
+            cost.awake.len(),
             map.joints().len(),
             args.fps,
             clip.channels(),
@@ -80,7 +80,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         );
         println!(
             "  {} bytes of flash with the clip, {} of RAM, {} of stack",
-            worn.flash_bytes, worn.ram_bytes, worn.stack_bytes
+            cost.flash_bytes, cost.ram_bytes, cost.stack_bytes
         );
         println!(
             "{} at {} V, {} mA running, {} mA asleep:\n  {:.3} µJ a tick, {:.1} µA on average, {:.0} hours from {} mAh, core and RAM only",

@@ -11,9 +11,6 @@ use firmware::stream::Progress;
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-/// Bytes of a block's header.
-const BLOCK_HEADER_BYTES: usize = 12;
-
 /// Time from one telemetry to the next, in ms.
 const TELEMETRY_MILLIS: u16 = 50;
 
@@ -45,15 +42,14 @@ impl<'a> StreamedClip<'a> {
         let parsed = Clip::parse(clip, Limits::MAX)?;
         let prefix = clip.get(..PREFIX_BYTES).unwrap_or_default();
         let header = Prefix::read(prefix)?.header_bytes;
-        let (mut at, mut blocks) = (header, Vec::new());
-        while let Some(&[n0, n1, f0, f1, a, b, c, d, ..]) = clip.get(at..at + BLOCK_HEADER_BYTES) {
-            let end = at + BLOCK_HEADER_BYTES + usize::from(u16::from_le_bytes([n0, n1]));
-            let frame = u32::from_le_bytes([a, b, c, d]);
+        let mut blocks = Vec::new();
+        for found in parsed.blocks() {
+            let found = found?;
             let block = Block {
-                bytes: at..end,
-                first_frame: frame & !(1 << 31),
-                frames: u16::from_le_bytes([f0, f1]).into(),
-                entry: frame >> 31 == 1,
+                bytes: found.at..found.end(),
+                first_frame: found.header.first_frame,
+                frames: found.header.frames.into(),
+                entry: found.header.entry,
             };
             if block.bytes.len() > DATA_BYTES {
                 bail!(
@@ -63,7 +59,6 @@ impl<'a> StreamedClip<'a> {
                 );
             }
             blocks.push(block);
-            at = end;
         }
         let rate_centihertz = parsed.header().rate_centihertz();
         Ok(Self { clip, header, blocks, frames: parsed.frames(), rate_centihertz })

@@ -209,7 +209,8 @@ impl<'c> Comparison<'c> {
                 let store = packer.pack(&stored.bytes(delta), block)?;
                 let player = players.iter().find(|(other, _)| *other == packer);
                 let (_, images) = player.with_context(|| format!("{} is left out", packer.name()))?;
-                let contents = Contents { files: &[("STORE", &store)], numbers: &[("DELTA", delta.into())] };
+                let (files, numbers) = (&[("STORE", &store[..])], &[("DELTA", delta.into())]);
+                let contents = Contents { files, numbers, lent_bytes: 0 };
                 let images = images.iter().map(|elf| LoadedImage::new(elf.clone(), contents));
                 let images = images.collect::<Result<Vec<LoadedImage>>>()?;
                 (store.len(), images, error_of_int16(), stored.expected())
@@ -256,7 +257,7 @@ fn cost(core: Core, image: &LoadedImage, method: Method, measured: &Measured) ->
         core: core.name(),
         cycles_mean: frames.iter().sum::<u64>() as f64 / frames.len().max(1) as f64,
         cycles_max: frames.iter().copied().max().unwrap_or(0),
-        ram_bytes: memory.ram_bytes() + u64::from(measured.lent_bytes) + u64::from(stack),
+        ram_bytes: memory.ram_bytes() + image.lent_bytes as u64 + u64::from(stack),
         flash_bytes: memory.code_bytes + constants,
     })
 }

@@ -72,12 +72,12 @@ impl Memory {
 
     /// The same with files of so many bytes in flash and so many bytes of RAM lent, beside the image.
     #[must_use]
-    pub fn with(mut self, files: u64, lent: u64) -> Self {
+    pub fn with(mut self, files: usize, lent: usize) -> Self {
         let beside = [("clip", files, true, false), ("lent to the decoder", lent, false, true)];
         let beside = beside.into_iter().filter(|&(_, bytes, ..)| bytes > 0);
         self.sections.extend(beside.map(|(name, bytes, flash, ram)| Section {
             name: name.to_owned(),
-            bytes,
+            bytes: bytes as u64,
             flash,
             ram,
         }));

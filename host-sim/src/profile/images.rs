@@ -28,7 +28,9 @@ pub fn images(clip: &[u8], targets: &[&str], lent: bool) -> Result<Vec<LoadedIma
         return mclip_images(clip, targets, false);
     }
     let features = if lent { "all" } else { "all,no-table" };
-    load(Image { features, targets, ..DECODE }, &[("CLIP", clip)], &sizes(clip, lent)?)
+    let memory = DecoderMemory::of(clip, lent)?;
+    let contents = Contents { files: &[("CLIP", clip)], numbers: &memory.elements, lent_bytes: memory.bytes };
+    load(Image { features, targets, ..DECODE }, contents)
 }
 
 /// The image that decodes `clip`, a .mclip, for each of Rust's `targets`. Its blocks are checked all before the first
@@ -37,9 +39,25 @@ pub fn images(clip: &[u8], targets: &[&str], lent: bool) -> Result<Vec<LoadedIma
 /// # Errors
 /// As [`images`].
 pub fn mclip_images(clip: &[u8], targets: &[&str], verify_blocks: bool) -> Result<Vec<LoadedImage>> {
-    let mut numbers = sizes(clip, true)?;
-    numbers.push(("VERIFY_BLOCKS", verify_blocks.into()));
-    load(Image { binary: "decode-mclip", targets, ..DECODE }, &[("CLIP", clip)], &numbers)
+    mclip_decoders(targets)?.into_iter().map(|elf| load_mclip(elf, clip, verify_blocks)).collect()
+}
+
+/// The image that decodes a .mclip for each of Rust's `targets`, without a clip.
+///
+/// # Errors
+/// As [`Image::build`].
+pub fn mclip_decoders(targets: &[&str]) -> Result<Vec<Vec<u8>>> {
+    Image { binary: "decode-mclip", targets, ..DECODE }.build()
+}
+
+/// One of [`mclip_decoders`] with its clip, as [`mclip_images`] gives it.
+///
+/// # Errors
+/// Where the clip is not sound.
+pub fn load_mclip(decoder: Vec<u8>, clip: &[u8], verify_blocks: bool) -> Result<LoadedImage> {
+    let DecoderMemory { mut elements, bytes } = DecoderMemory::of(clip, true)?;
+    elements.push(("VERIFY_BLOCKS", verify_blocks.into()));
+    LoadedImage::new(decoder, Contents { files: &[("CLIP", clip)], numbers: &elements, lent_bytes: bytes })
 }
 
 /// The image that decodes prefix codes by a table and bit by bit, for each of Rust's `targets`. What is measured of it is
@@ -48,7 +66,7 @@ pub fn mclip_images(clip: &[u8], targets: &[&str], verify_blocks: bool) -> Resul
 /// # Errors
 /// As [`Image::build`].
 pub fn prefix_images(targets: &[&str]) -> Result<Vec<LoadedImage>> {
-    load(Image { binary: "prefix", targets, ..DECODE }, &[], &[])
+    load(Image { binary: "prefix", targets, ..DECODE }, Contents::default())
 }
 
 /// The image that plays `clip` on the servos of a joint map, given as its bytes, as [`images`] does. What is measured of it
@@ -62,11 +80,10 @@ pub fn tick_images(clip: &[u8], map: &[u8], targets: &[&str], lent: bool) -> Res
         (false, true) => "tick,all",
         (false, false) => "tick,all,no-table",
     };
-    load(
-        Image { binary: "tick", features, targets, ..DECODE },
-        &[("CLIP", clip), ("MAP", map)],
-        &sizes(clip, lent)?,
-    )
+    let memory = DecoderMemory::of(clip, lent)?;
+    let files = &[("CLIP", clip), ("MAP", map)];
+    let contents = Contents { files, numbers: &memory.elements, lent_bytes: memory.bytes };
+    load(Image { binary: "tick", features, targets, ..DECODE }, contents)
 }
 
 /// The image of a wearable that plays `clip` on the outputs of a joint map, given as its bytes, for one of Rust's targets.
@@ -82,28 +99,40 @@ pub fn wearable_image(
     clock_hz: u32,
 ) -> Result<LoadedImage> {
     let features = if is_mclip(clip) { "wearable,mclip,all" } else { "wearable,all" };
-    let mut numbers = sizes(clip, true)?;
-    numbers.extend([("OUTPUT_HZ", output_hz.into()), ("CLOCK_HZ", clock_hz)]);
+    let DecoderMemory { mut elements, bytes } = DecoderMemory::of(clip, true)?;
+    elements.extend([("OUTPUT_HZ", output_hz.into()), ("CLOCK_HZ", clock_hz)]);
     let image = Image { binary: "wearable", features, targets: &[target], ..DECODE };
-    let images = load(image, &[("CLIP", clip), ("MAP", map)], &numbers)?;
+    let files = &[("CLIP", clip), ("MAP", map)];
+    let images = load(image, Contents { files, numbers: &elements, lent_bytes: bytes })?;
     images.into_iter().next().context("no image was built")
 }
 
 /// Builds the image unless it is built, and loads what it is to find.
-fn load(image: Image<'_>, files: &[(&str, &[u8])], numbers: &[(&str, u32)]) -> Result<Vec<LoadedImage>> {
-    let built = image.build()?.into_iter();
-    built.map(|elf| LoadedImage::new(elf, Contents { files, numbers })).collect()
+fn load(image: Image<'_>, contents: Contents<'_>) -> Result<Vec<LoadedImage>> {
+    image.build()?.into_iter().map(|elf| LoadedImage::new(elf, contents)).collect()
 }
 
-/// Elements of the memory that a clip's decoder is lent, by the names of the image's statics.
-fn sizes(clip: &[u8], lent: bool) -> Result<Vec<(&'static str, u32)>> {
-    let sizes = if is_mclip(clip) {
-        let needs = mclip::Clip::parse(clip, Limits::MAX)?.header().needs();
-        vec![("CHANNELS", needs.channels), ("WORDS", needs.words), ("HALVES", needs.halves)]
-    } else {
-        let clip = qmd::Clip::parse(clip, Limits::MAX)?;
-        let table = lent.then(|| ("TABLE", clip.table_len()));
-        [("CHANNELS", clip.channels())].into_iter().chain(table).collect()
-    };
-    sizes.into_iter().map(|(name, size)| Ok((name, u32::try_from(size)?))).collect()
+/// Memory that a clip's decoder is lent: elements, by the names of the image's statics, and bytes.
+struct DecoderMemory {
+    elements: Vec<(&'static str, u32)>,
+    bytes: usize,
+}
+
+impl DecoderMemory {
+    fn of(clip: &[u8], with_table: bool) -> Result<Self> {
+        let (elements, bytes) = if is_mclip(clip) {
+            let needs = mclip::Clip::parse(clip, Limits::MAX)?.header().needs();
+            let elements =
+                vec![("CHANNELS", needs.channels), ("WORDS", needs.words), ("HALVES", needs.halves)];
+            (elements, needs.bytes())
+        } else {
+            let clip = qmd::Clip::parse(clip, Limits::MAX)?;
+            let table = with_table.then(|| ("TABLE", clip.table_len()));
+            let elements: Vec<_> = [("CHANNELS", clip.channels())].into_iter().chain(table).collect();
+            let words: usize = elements.iter().map(|(_, words)| words).sum();
+            (elements, words * size_of::<u32>())
+        };
+        let elements = elements.into_iter().map(|(name, elements)| Ok((name, u32::try_from(elements)?)));
+        Ok(Self { elements: elements.collect::<Result<_>>()?, bytes })
+    }
 }

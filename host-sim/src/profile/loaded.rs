@@ -19,6 +19,8 @@ pub struct Contents<'a> {
     pub files: &'a [(&'a str, &'a [u8])],
     /// Numbers, each with the name of the image's static for it.
     pub numbers: &'a [(&'a str, u32)],
+    /// Bytes of RAM that the image lends its decoder, beside its own.
+    pub lent_bytes: usize,
 }
 
 /// An image and its files.
@@ -28,12 +30,14 @@ pub struct LoadedImage {
     pub elf: Vec<u8>,
     /// Address and bytes of the files.
     pub files: Vec<(u32, Vec<u8>)>,
+    /// Bytes of RAM that it lends its decoder, beside its own.
+    pub lent_bytes: usize,
 }
 
 impl LoadedImage {
     /// An image that works on nothing but itself.
     pub fn alone(elf: Vec<u8>) -> Self {
-        Self { elf, files: Vec::new() }
+        Self { elf, ..Self::default() }
     }
 
     /// Writes into an image where its files are, which come after it in flash, and its numbers.
@@ -54,7 +58,7 @@ impl LoadedImage {
         for &(name, number) in contents.numbers {
             statics.write(&mut elf, name, &[number])?;
         }
-        Ok(Self { elf, files })
+        Ok(Self { elf, files, lent_bytes: contents.lent_bytes })
     }
 
     /// Bytes of all files.

@@ -23,8 +23,6 @@ pub struct Measured {
     pub frame_cycles: Vec<u64>,
     /// Cycles of what comes before the first frame.
     pub open_cycles: u64,
-    /// Bytes of RAM that the image lent its decoder, beyond its own.
-    pub lent_bytes: u32,
     /// Deepest stack of the whole run, below its top.
     pub stack_bytes: u32,
     /// Deepest stack of a frame, below where its function was called.
@@ -82,12 +80,7 @@ impl Runner {
         for address in [open, decode_frame] {
             machine.clear_breakpoint(address);
         }
-        let measured = Measured {
-            open_cycles,
-            lent_bytes: lent_bytes(&machine, &image),
-            stack_bytes: machine.usage().stack,
-            ..Measured::default()
-        };
+        let measured = Measured { open_cycles, stack_bytes: machine.usage().stack, ..Measured::default() };
         let state = machine.cpu.r[0];
         machine.reset_profile();
         machine.reset_stack_mark();
@@ -154,13 +147,6 @@ pub(super) fn start(core: Core, loaded: &LoadedImage, wait_states: u32) -> Resul
     let board = Board { name: "profile", regions, ..Board::bare() };
     let machine = Machine::new(core, &board, &image).map_err(|error| anyhow!(error))?;
     Ok((image, machine))
-}
-
-/// Bytes of RAM that the image has lent so far, beyond its own.
-pub(super) fn lent_bytes(machine: &Machine, image: &Image) -> u32 {
-    let bytes =
-        image.symbol("LENT_BYTES").and_then(|address| machine.memory().bytes(address, 4)?.first_chunk());
-    bytes.map_or(0, |bytes| u32::from_le_bytes(*bytes))
 }
 
 fn run_to(machine: &mut Machine, address: u32) -> Result<()> {

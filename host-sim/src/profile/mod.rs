@@ -18,7 +18,9 @@ pub mod report;
 pub mod wearable;
 
 pub use expect::{frames, ticks};
-pub use images::{images, mclip_images, prefix_images, tick_images, wearable_image};
+pub use images::{
+    images, load_mclip, mclip_decoders, mclip_images, prefix_images, tick_images, wearable_image,
+};
 pub use loaded::LoadedImage;
 pub use measure::Measured;
 pub use report::{CoreReport, Report};

@@ -194,7 +194,7 @@ impl CoreReport {
         clock_hz: f64,
         rate_hz: f64,
     ) -> Result<Self> {
-        let memory = Memory::of(&image.elf)?.with(image.file_bytes() as u64, measured.lent_bytes.into());
+        let memory = Memory::of(&image.elf)?.with(image.file_bytes(), image.lent_bytes);
         let frames = measured.frame_cycles;
         let mut sorted = frames.clone();
         sorted.sort_unstable();

@@ -16,7 +16,7 @@ const MOST_RELOAD: u32 = 1 << 24;
 
 /// What a wearable was seen to do.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Worn {
+pub struct WearableCost {
     /// Cycles awake of each tick, in order.
     pub awake: Vec<u64>,
     /// Cycles from the first tick's outputs to the last one's, asleep or not.
@@ -29,7 +29,7 @@ pub struct Worn {
     pub stack_bytes: u32,
 }
 
-impl Worn {
+impl WearableCost {
     /// Part of the time in which it was awake, of 1.
     pub fn share(&self) -> f64 {
         self.awake.iter().sum::<u64>() as f64 / self.cycles as f64
@@ -51,14 +51,14 @@ impl Worn {
 ///
 /// # Errors
 /// Where clip and map do not fit together, the image cannot be built or stops with a fault, or its levels differ from ours.
-pub fn wear(
+pub fn measure_wearable(
     clip: &Clip<'_>,
     bytes: &[u8],
     map: &Map,
     output_hz: u16,
     clock_hz: u32,
     wait_states: u32,
-) -> Result<Worn> {
+) -> Result<WearableCost> {
     if output_hz == 0 || output_hz > MAX_TICK_HZ || clock_hz / u32::from(output_hz) > MOST_RELOAD {
         bail!("{output_hz} ticks a second are not what SysTick counts at {} MHz", clock_hz / 1_000_000);
     }
@@ -71,7 +71,8 @@ pub fn wear(
     for address in [Some(present), failed].into_iter().flatten() {
         machine.set_breakpoint(address);
     }
-    let mut worn = Worn { awake: Vec::new(), cycles: 0, flash_bytes: 0, ram_bytes: 0, stack_bytes: 0 };
+    let mut cost =
+        WearableCost { awake: Vec::new(), cycles: 0, flash_bytes: 0, ram_bytes: 0, stack_bytes: 0 };
     let mut before = None;
     for (tick, expected) in expected.iter().enumerate() {
         // The first tick comes after the clip was opened.
@@ -92,16 +93,15 @@ pub fn wear(
         let usage = machine.usage();
         let (cycles, awake) = (usage.cycles, usage.cycles - usage.asleep);
         if let Some((first, last)) = before {
-            worn.awake.push(awake - last);
-            worn.cycles = cycles - first;
+            cost.awake.push(awake - last);
+            cost.cycles = cycles - first;
         }
         before = Some((before.map_or(cycles, |(first, _)| first), awake));
     }
-    let lent = measure::lent_bytes(&machine, &image);
-    let memory = super::elf::Memory::of(&loaded.elf)?.with(loaded.file_bytes() as u64, lent.into());
-    (worn.flash_bytes, worn.ram_bytes) = (memory.flash_bytes(), memory.ram_bytes());
-    worn.stack_bytes = machine.usage().stack;
-    Ok(worn)
+    let memory = super::elf::Memory::of(&loaded.elf)?.with(loaded.file_bytes(), loaded.lent_bytes);
+    (cost.flash_bytes, cost.ram_bytes) = (memory.flash_bytes(), memory.ram_bytes());
+    cost.stack_bytes = machine.usage().stack;
+    Ok(cost)
 }
 
 /// The levels of every tick until the clip has begun again.

@@ -15,8 +15,9 @@ pub fn of_clip(clip: &Clip<'_>) -> Option<Channels> {
     named.then(|| Channels::new(Owner::Clip, columns))
 }
 
-/// Those of the clips that a puppet plays: of the skeleton in `given`, or of the one that the puppet names, or else those that
-/// its joints follow, which is what `bunraku encode --puppet` puts into a clip.
+/// Those of the clips that a puppet plays: of the skeleton in `given`, or of the one that the puppet names.
+///
+/// Without a skeleton they are those that the joints follow, which is what `bunraku encode --puppet` puts into a clip.
 ///
 /// # Errors
 /// A sentence where the skeleton cannot be read.
@@ -63,8 +64,9 @@ pub fn check_clip(path: &Path, clip: &Clip<'_>, channels: &Channels) -> Result<(
     Ok(())
 }
 
-/// The motion of a clip on all channels of a skeleton: by their names where it names them, and else in their order. What it does not
-/// have is at rest.
+/// The motion of a clip on all channels of a skeleton: by their names where the clip names them, and else in their order.
+///
+/// What the clip does not have is at rest.
 ///
 /// # Errors
 /// A sentence where the skeleton lacks one of them.

@@ -107,7 +107,7 @@ pub struct Reached {
 ///
 /// # Errors
 /// A sentence that names the motion that cannot be encoded.
-pub fn run(motions: &[Named], methods: &[Method], db: f64) -> Result<Vec<Reached>> {
+pub fn reach_all(motions: &[Named], methods: &[Method], db: f64) -> Result<Vec<Reached>> {
     let jobs: Vec<(&Method, &Named)> =
         methods.iter().flat_map(|method| motions.iter().map(move |named| (method, named))).collect();
     jobs.into_par_iter().map(|(method, named)| reach(method, named, db)).collect()

@@ -95,7 +95,7 @@ pub fn decode(bytes: &[u8], quality: Quality) -> Result<mocap::Motion> {
 ///
 /// # Errors
 /// A sentence that names the motion that cannot be encoded.
-pub fn run(motions: &[Named], curves: &[Curve], done: &(dyn Fn() + Sync)) -> Result<Vec<Point>> {
+pub fn sweep_all(motions: &[Named], curves: &[Curve], done: &(dyn Fn() + Sync)) -> Result<Vec<Point>> {
     let ready = motions.iter().map(Ready::new).collect::<Result<Vec<_>>>()?;
     let jobs: Vec<(&Curve, &Ready, Quality)> = curves
         .iter()
@@ -294,7 +294,7 @@ mod tests {
             CodecId::ALL.into_iter().map(|codec| Curve::of(codec).swap_remove(0)).collect();
         curves.extend([Curve::of(CodecId::Pcm).swap_remove(1), Curve::qmd(8, false)]);
         let done = AtomicUsize::new(0);
-        let points = run(&motions, &curves, &|| {
+        let points = sweep_all(&motions, &curves, &|| {
             done.fetch_add(1, Ordering::Relaxed);
         })
         .unwrap();
@@ -361,7 +361,7 @@ mod tests {
     #[test]
     fn a_rate_is_found_between_points() {
         let motions = &motions()[..1];
-        let points = run(motions, &[Curve::pcm()], &|| {}).unwrap();
+        let points = sweep_all(motions, &[Curve::pcm()], &|| {}).unwrap();
         let points: Vec<(f64, f64)> =
             points.iter().map(|point| (point.bits_per_s, point.psnr_db.unwrap())).collect();
         let rate = rate_at(&points, points[3].1).unwrap();

@@ -1,7 +1,7 @@
 //! A show on one page that needs nothing else.
 
 use super::file::Program;
-use super::run::{Cost, Ran, What};
+use super::played::{Cost, NoteKind, PlayedShow};
 use super::summary::{Summary, Track, tracks};
 use crate::plot::lines::{Plot, Series};
 use crate::plot::page::{figure, page, table};
@@ -29,9 +29,9 @@ polyline { fill: none; stroke-width: 1.3; stroke-linejoin: round } .goal { strok
 const WIDE: f64 = 1100.0;
 
 /// The page.
-pub fn show_page(program: &Program, ran: &Ran, summary: &Summary) -> String {
+pub fn show_page(program: &Program, played: &PlayedShow, summary: &Summary) -> String {
     let seconds = summary.seconds;
-    let tracks = tracks(program, ran);
+    let tracks = tracks(program, played);
     let marks = &program.events;
     let place = match summary.on {
         "sim" => "the simulated Cortex-M4, which counts cycles",
@@ -48,11 +48,11 @@ pub fn show_page(program: &Program, ran: &Ran, summary: &Summary) -> String {
         (tiles(summary))
         (figure(
             html! { "What happened: states, clips, latched faults, and what was done to it" },
-            time_line(WIDE, seconds, &rows(program, ran, summary), marks),
+            time_line(WIDE, seconds, &rows(program, played, summary), marks),
         ))
         (faults(summary))
         (streams(summary))
-        (over_all(program, ran, summary, &tracks))
+        (over_all(program, played, summary, &tracks))
         h2 { "Servos" }
         p class="key soft" {
             b class="g" { "Goal" } " and " b class="p" { "present position" }
@@ -117,10 +117,10 @@ fn tiles(summary: &Summary) -> Markup {
 }
 
 /// States, clips and latched faults as stretches of time.
-fn rows<'a>(program: &Program, ran: &Ran, summary: &Summary) -> Vec<(&'a str, Vec<Span>)> {
+fn rows<'a>(program: &Program, played: &PlayedShow, summary: &Summary) -> Vec<(&'a str, Vec<Span>)> {
     let hz = f64::from(program.map.tick_hz());
-    let spans = |what: What, class: &dyn Fn(&str) -> String, text: &dyn Fn(&str) -> String| {
-        let notes: Vec<_> = ran.notes.iter().filter(|note| note.what == what).collect();
+    let spans = |what: NoteKind, class: &dyn Fn(&str) -> String, text: &dyn Fn(&str) -> String| {
+        let notes: Vec<_> = played.notes.iter().filter(|note| note.what == what).collect();
         let ends = notes.iter().skip(1).map(|note| f64::from(note.tick) / hz).chain([summary.seconds]);
         let with_ends = notes.iter().zip(ends).filter(|(note, _)| !note.text.is_empty());
         with_ends
@@ -147,10 +147,10 @@ fn rows<'a>(program: &Program, ran: &Ran, summary: &Summary) -> Vec<(&'a str, Ve
     };
     let colour = |text: &str| format!("clip{}", text.parse::<usize>().unwrap_or(0) % 5);
     vec![
-        ("state", spans(What::State, &|text| format!("state {text}"), &str::to_owned)),
-        ("clip", spans(What::Clip, &colour, &clip)),
-        ("stream", spans(What::Stream, &|text| format!("made {text}"), &made)),
-        ("fault", spans(What::Fault, &|_| "latched".to_owned(), &str::to_owned)),
+        ("state", spans(NoteKind::State, &|text| format!("state {text}"), &str::to_owned)),
+        ("clip", spans(NoteKind::Clip, &colour, &clip)),
+        ("stream", spans(NoteKind::Stream, &|text| format!("made {text}"), &made)),
+        ("fault", spans(NoteKind::Fault, &|_| "latched".to_owned(), &str::to_owned)),
     ]
 }
 
@@ -193,7 +193,7 @@ fn streams(summary: &Summary) -> Markup {
 }
 
 /// Error, speed and deadline of all servos together.
-fn over_all(program: &Program, ran: &Ran, summary: &Summary, tracks: &[Track]) -> Markup {
+fn over_all(program: &Program, played: &PlayedShow, summary: &Summary, tracks: &[Track]) -> Markup {
     let joints = program.map.joints();
     let ticks = summary.ticks as usize;
     let most = |of: &dyn Fn(&Joint, &Track, usize) -> Option<f64>| -> Vec<Option<f64>> {
@@ -248,9 +248,9 @@ fn over_all(program: &Program, ran: &Ran, summary: &Summary, tracks: &[Track]) -
             },
             plot("Velocity and acceleration", (0.0, 120.0), "% of the limit", vec![100.0], moving).draw(),
         ))
-        @if !ran.costs.is_empty() {
+        @if !played.costs.is_empty() {
             @let tick_ms = 1e3 / f64::from(program.map.tick_hz());
-            @let longest = ran.costs.iter().map(|cost| cost.bus_us / 1e3).fold(tick_ms, f64::max);
+            @let longest = played.costs.iter().map(|cost| cost.bus_us / 1e3).fold(tick_ms, f64::max);
             (figure(
                 html! {
                     span class="key" {
@@ -259,7 +259,7 @@ fn over_all(program: &Program, ran: &Ran, summary: &Summary, tracks: &[Track]) -
                         " (blue) when the last answer was in and the core had done all it had to"
                     }
                 },
-                plot("Deadline margin", (0.0, longest * 1.05), "ms", vec![tick_ms], deadline(&ran.costs)).draw(),
+                plot("Deadline margin", (0.0, longest * 1.05), "ms", vec![tick_ms], deadline(&played.costs)).draw(),
             ))
         }
     }

@@ -39,10 +39,10 @@
 mod file;
 mod html;
 mod images;
-mod run;
+mod played;
 mod summary;
 
 pub use file::Program;
 pub use html::show_page;
-pub use run::{Cost, Note, Ran, Tamper, What, image, on_host, on_qemu, on_sim, on_sim_wire};
+pub use played::{Cost, Note, NoteKind, PlayedShow, Tamper, image, on_host, on_qemu, on_sim, on_sim_wire};
 pub use summary::{ServoSummary, StreamSummary, Summary};

@@ -1,7 +1,7 @@
 //! What a show came to, in numbers.
 
 use super::file::Program;
-use super::run::{Cost, Ran, What};
+use super::played::{Cost, NoteKind, PlayedShow};
 use firmware::limits::FINE_BITS;
 use firmware::map::Joint;
 use serde::Serialize;
@@ -43,7 +43,7 @@ pub struct ServoSummary {
 pub struct FaultSummary {
     /// When, in seconds.
     pub at: f64,
-    /// What.
+    /// NoteKind.
     pub fault: String,
     /// Milliseconds until the puppet held, rested or was limp; `None` where it never was.
     pub settled_ms: Option<f64>,
@@ -109,7 +109,7 @@ pub struct OverrunSummary {
 pub struct Summary {
     /// The show's name.
     pub name: String,
-    /// Where it ran.
+    /// Where it played.
     pub on: &'static str,
     /// The state in the end.
     pub ends: String,
@@ -139,9 +139,9 @@ pub struct Summary {
 
 impl Summary {
     /// The numbers of a run.
-    pub fn new(program: &Program, ran: &Ran, on: &'static str) -> Self {
+    pub fn new(program: &Program, played: &PlayedShow, on: &'static str) -> Self {
         let map = &program.map;
-        let tracks = tracks(program, ran);
+        let tracks = tracks(program, played);
         let hz = f64::from(map.tick_hz());
         let servos: Vec<ServoSummary> = map
             .joints()
@@ -153,25 +153,25 @@ impl Summary {
         Self {
             name: program.name.clone(),
             on,
-            ends: ran.ends().to_owned(),
-            fault: ran.fault().map(|fault| named(program, fault)),
-            ticks: ran.recording.ticks,
-            seconds: f64::from(ran.recording.ticks) / hz,
-            goals: ran.recording.goals.len(),
-            refused: ran.recording.refused,
+            ends: played.ends().to_owned(),
+            fault: played.fault().map(|fault| named(program, fault)),
+            ticks: played.recording.ticks,
+            seconds: f64::from(played.recording.ticks) / hz,
+            goals: played.recording.goals.len(),
+            refused: played.recording.refused,
             outside_limits: servos.iter().map(|servo| servo.outside_limits).sum(),
-            faults: faults(program, ran, hz),
-            streams: streams(ran, hz),
+            faults: faults(program, played, hz),
+            streams: streams(played, hz),
             servos,
-            cost: cost(&ran.costs),
-            overruns: overruns(ran, hz),
+            cost: cost(&played.costs),
+            overruns: overruns(played, hz),
         }
     }
 }
 
 /// The servos' ways, in the map's order.
-pub(super) fn tracks(program: &Program, ran: &Ran) -> Vec<Track> {
-    let (map, recording) = (&program.map, &ran.recording);
+pub(super) fn tracks(program: &Program, played: &PlayedShow) -> Vec<Track> {
+    let (map, recording) = (&program.map, &played.recording);
     let ticks = recording.ticks as usize;
     let column = |id: u8| map.joints().iter().position(|joint| joint.id == id);
     let mut tracks: Vec<Track> = (0..map.joints().len())
@@ -248,19 +248,20 @@ fn servo(joint: &Joint, track: &Track, name: &str, hz: f64) -> ServoSummary {
 /// States in which servos are found, read and turned on.
 const STARTING: [&str; 3] = ["Finding", "Reading", "Arming"];
 
-fn faults(program: &Program, ran: &Ran, hz: f64) -> Vec<FaultSummary> {
+fn faults(program: &Program, played: &PlayedShow, hz: f64) -> Vec<FaultSummary> {
     let settled = |text: &str| ["Holding", "Resting", "Limp"].contains(&text);
     let mut faults = Vec::new();
-    for (index, note) in ran.notes.iter().enumerate() {
-        if note.what != What::Fault || note.text.is_empty() {
+    for (index, note) in played.notes.iter().enumerate() {
+        if note.what != NoteKind::Fault || note.text.is_empty() {
             continue;
         }
-        let state = ran.notes[..index].iter().rev().find(|note| note.what == What::State);
-        let later = ran.notes[index..].iter().find(|note| note.what == What::State && settled(&note.text));
-        let now = state.filter(|state| settled(&state.text) && !moved_on(ran, index, note.tick));
+        let state = played.notes[..index].iter().rev().find(|note| note.what == NoteKind::State);
+        let later =
+            played.notes[index..].iter().find(|note| note.what == NoteKind::State && settled(&note.text));
+        let now = state.filter(|state| settled(&state.text) && !moved_on(played, index, note.tick));
         let reached = now.or(later);
         let acknowledged =
-            ran.notes[index..].iter().find(|note| note.what == What::Fault && note.text.is_empty());
+            played.notes[index..].iter().find(|note| note.what == NoteKind::Fault && note.text.is_empty());
         faults.push(FaultSummary {
             at: f64::from(note.tick) / hz,
             fault: named(program, &note.text),
@@ -274,13 +275,13 @@ fn faults(program: &Program, ran: &Ran, hz: f64) -> Vec<FaultSummary> {
     faults
 }
 
-fn streams(ran: &Ran, hz: f64) -> Vec<StreamSummary> {
+fn streams(played: &PlayedShow, hz: f64) -> Vec<StreamSummary> {
     let (mut streams, mut began) = (Vec::new(), None);
-    for note in &ran.notes {
+    for note in &played.notes {
         let at = f64::from(note.tick) / hz;
         match note.what {
-            What::Stream => _ = began.get_or_insert(at),
-            What::Streamed => {
+            NoteKind::Stream => _ = began.get_or_insert(at),
+            NoteKind::Streamed => {
                 let mut counts = note.text.split(' ').map(|count| count.parse().unwrap_or(0));
                 let mut next = || counts.next().unwrap_or(0);
                 streams.push(StreamSummary {
@@ -312,18 +313,21 @@ fn named(program: &Program, fault: &str) -> String {
 }
 
 /// Whether the state changed in the tick in which a fault was noted.
-fn moved_on(ran: &Ran, fault: usize, tick: u32) -> bool {
-    ran.notes[fault..].iter().any(|note| note.what == What::State && note.tick == tick)
+fn moved_on(played: &PlayedShow, fault: usize, tick: u32) -> bool {
+    played.notes[fault..].iter().any(|note| note.what == NoteKind::State && note.tick == tick)
 }
 
-fn overruns(ran: &Ran, hz: f64) -> Vec<OverrunSummary> {
+fn overruns(played: &PlayedShow, hz: f64) -> Vec<OverrunSummary> {
     let state = |tick: usize| {
-        let until = ran.notes.iter().take_while(|note| note.tick as usize <= tick);
-        until.filter(|note| note.what == What::State).last().map_or(String::new(), |note| note.text.clone())
+        let until = played.notes.iter().take_while(|note| note.tick as usize <= tick);
+        until
+            .filter(|note| note.what == NoteKind::State)
+            .last()
+            .map_or(String::new(), |note| note.text.clone())
     };
     let mut tick = 0;
     let rows =
-        ran.costs.chunk_by(|one, next| (one.left_us <= 0.0) == (next.left_us <= 0.0)).filter_map(|row| {
+        played.costs.chunk_by(|one, next| (one.left_us <= 0.0) == (next.left_us <= 0.0)).filter_map(|row| {
             let first = tick;
             tick += row.len();
             row.first().filter(|cost| cost.left_us <= 0.0).map(|_| OverrunSummary {

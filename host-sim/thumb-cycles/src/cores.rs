@@ -67,8 +67,8 @@ impl Core {
         }
     }
 
-    /// How far its cycle counts may be off, as a fraction, with memory that answers at once; docs/CYCLES.md says how
-    /// that is known. `None` where nothing but one cycle an instruction is counted.
+    /// How far its cycle counts may be off, as a fraction, with memory that answers at once. [`evidence`](Self::evidence)
+    /// says what that rests on. `None` where nothing but one cycle an instruction is counted.
     pub fn tolerance(self) -> Option<f64> {
         match self {
             Self::M0 | Self::M0Plus | Self::M0PlusSlow => Some(0.015),
@@ -76,6 +76,45 @@ impl Core {
             Self::M33 => Some(0.05),
             Self::M7 => Some(0.15),
             Self::Untimed => None,
+        }
+    }
+
+    /// What its cycle counts were compared with: a sentence to print beside figures.
+    ///
+    /// ```
+    /// use thumb_cycles::Core;
+    ///
+    /// assert!(Core::M0Plus.evidence().contains("never compared with a chip"));
+    /// ```
+    pub fn evidence(self) -> &'static str {
+        match self {
+            Self::M0 => {
+                "cortex-m0: compared with counts by hand, and with an STM32F0 in one published function (-1.0 %); \
+                 exceptions and wait states were never compared with a chip"
+            }
+            Self::M0Plus => {
+                "cortex-m0plus: compared with counts by hand and with the emulator rp2040js (0 %), \
+                 never compared with a chip"
+            }
+            Self::M0PlusSlow => {
+                "cortex-m0plus-slow-multiplier: compared with counts by hand only, never compared with a chip"
+            }
+            Self::M3 => {
+                "cortex-m3: compared with counts by hand, and with an STM32F1 in one published function (-0.5 %); \
+                 exceptions and wait states were never compared with a chip"
+            }
+            Self::M4 => {
+                "cortex-m4: compared with counts by hand, with an nRF52840 in four published functions \
+                 (-1.9 to +1.0 %), and with an STM32F4 in one (-0.3 %); exceptions were never compared with a chip"
+            }
+            Self::M33 => {
+                "cortex-m33: compared with counts by hand, and with an RP2350 in one published function (0.0 %); \
+                 jumps to a register, exceptions and wait states were never compared with a chip"
+            }
+            Self::M7 => {
+                "cortex-m7: an estimate, compared with an STM32H743 in one published loop (+3.7 %) and nothing else"
+            }
+            Self::Untimed => "untimed: counts instructions, not cycles",
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A decoded instruction: what it does, on which registers, and what the timing models want to know of it.
 //!
-//! Decoding happens once for each address, so this is laid out for the execution loop: 24 bytes, nothing left to
+//! Decoding happens once for each address, so this is laid out for the execution loop: 28 bytes, nothing left to
 //! extract.
 
 /// Which instructions a core has.
@@ -292,14 +292,14 @@ pub struct Insn {
     pub index: Index,
     /// Sets the flags, or writes back.
     pub s: bool,
-    /// IT bits of the xPSR while this instruction is next.
-    pub it: u8,
     /// Registers that it reads, a bit each.
     pub reads: u16,
     /// Registers that it writes, a bit each.
     pub writes: u16,
     /// Registers that its address is made of, a bit each.
     pub address: u16,
+    /// The base register that a load or store changes, as a bit; 0 where it changes none.
+    pub base: u16,
 }
 
 impl Insn {
@@ -323,10 +323,10 @@ impl Insn {
             amount: 0,
             index: Index::Offset,
             s: false,
-            it: 0,
             reads: 0,
             writes: 0,
             address: 0,
+            base: 0,
         }
     }
 
@@ -430,7 +430,8 @@ impl Insn {
             }
         }
         if self.writes_back() {
-            writes |= bit(self.n);
+            self.base = bit(self.n);
+            writes |= self.base;
         }
         // 15 stands for "none" in the operand fields; the pc is never waited for.
         self.reads = (reads | address) & 0x7fff;

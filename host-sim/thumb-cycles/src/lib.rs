@@ -1,13 +1,13 @@
-//! A simulated Cortex-M that counts cycles: runs the ELF file that was built for the chip, and says what it costs.
+#![doc = include_str!("../README.md")]
 //!
-//! [`Image`] is an ELF file, [`Board`] a memory map, [`Core`] a core; [`Machine`] is all three together. Each
-//! instruction is decoded once ([`decode`]), executed, and given to the core's model of its pipeline ([`timing`]).
-//! What the models know, from where, and how well they agree with measurements is in docs/CYCLES.md.
+//! # Where to start
 //!
-//! Runs are alike: nothing depends on the host's clock. Not simulated: FPU, MPU, TrustZone, faults that the image
-//! handles itself (a fault ends the simulation and says where), DMA, and peripherals other than the core's own and a
-//! UART.
-
+//! [`Image`] is an ELF file or some halfwords, [`Board`] a memory map, [`Core`] a core; [`Machine`] is all three
+//! together. [`Machine::run_until`], [`Machine::call_function`] and [`Machine::run_to_exit`] run it, [`Machine::usage`],
+//! [`Machine::self_cycles`] and [`Machine::call_paths`] say what that has cost. [`Core::evidence`] is a sentence to print
+//! beside figures.
+//!
+//! An instruction is decoded once ([`decode`]), executed, and given to the core's model of its pipeline ([`timing`]).
 #![forbid(unsafe_code)]
 
 mod arith;

@@ -101,7 +101,7 @@ impl Machine {
             let insn = *insn;
             self.cpu.r[15] = pc.wrapping_add(4);
             let mut outcome = Outcome { next: pc.wrapping_add(u32::from(insn.len)), ..Outcome::default() };
-            let passed = self.cpu.flags.pass(insn.cond);
+            let passed = insn.cond == ALWAYS || self.cpu.flags.pass(insn.cond);
             let mut stop = None;
             if passed && let Err(trap) = self.cpu.execute(&insn, &mut self.bus, &mut outcome) {
                 match self.handle_trap(trap)? {

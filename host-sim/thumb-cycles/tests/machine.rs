@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use thumb_cycles::insn::Arch;
-use thumb_cycles::{AccessError, Board, Cause, Core, Image, Machine, Stop, WaitStates};
+use thumb_cycles::{AccessError, Board, Cause, Core, Image, Machine, Peripheral, Signals, Stop, WaitStates};
 
 /// Vectors for 32 exceptions, all at 0x100 but for those given, and code at 0x80 and 0x100.
 fn machine(core: Core, vectors: &[(usize, u32)], main: &[u16], handler: &[u16]) -> Machine {
@@ -241,4 +241,88 @@ fn an_image_that_does_not_fit_is_refused() {
     let image = Image::from_halfwords(&[(0x3000_0000, &[0])]);
     let error = Machine::new(Core::M4, &Board::bare(), &image).err().unwrap();
     assert!(error.to_string().contains("0x30000000"), "{error}");
+}
+
+/// A timer that asks for an interrupt every so many cycles, and sends a byte each time.
+struct Ticker {
+    period: u32,
+    due: Option<u64>,
+    ticks: u32,
+    heard: u32,
+}
+
+impl Peripheral for Ticker {
+    fn read(&mut self, offset: u32, _: u64) -> u32 {
+        [self.period, self.ticks, self.heard].get(offset as usize / 4).copied().unwrap_or(0)
+    }
+
+    fn write(&mut self, offset: u32, value: u32, bytes: u32, now: u64) {
+        assert_eq!((offset, bytes), (0, 4));
+        self.period = value;
+        self.due = (value > 0).then(|| now + u64::from(value));
+    }
+
+    fn advance(&mut self, now: u64) -> Signals {
+        let Some(due) = self.due.filter(|&due| due <= now) else { return Signals::default() };
+        self.due = Some(due + u64::from(self.period));
+        self.ticks += 1;
+        Signals { interrupts: 0b10, sent: Some(self.ticks as u8) }
+    }
+
+    fn next_event(&self, _: u64) -> Option<u64> {
+        self.due
+    }
+
+    fn receive(&mut self, bytes: &[u8], _: u64) {
+        self.heard += bytes.len() as u32;
+    }
+}
+
+fn ticker() -> Box<Ticker> {
+    Box::new(Ticker { period: 0, due: None, ticks: 0, heard: 0 })
+}
+
+#[test]
+fn a_peripheral_is_read_interrupts_and_sends() {
+    // str r1, [r0]; str r3, [r2]; wfi; b .-2; the handler: ldr r4, [r0, #4]; ldrb r5, [r0, #8]; bx lr
+    let mut machine =
+        machine(Core::M4, &[(16 + 6, 0x101)], &[0x6001, 0x6013, 0xbf30, 0xe7fd], &[0x6844, 0x7a05, 0x4770]);
+    machine.attach(0x4000_0000, 12, &[5, 6], ticker()).unwrap();
+    machine.cpu.r[..4].copy_from_slice(&[0x4000_0000, 1000, 0xe000_e100, 1 << 6]);
+    for tick in 1..=3 {
+        assert_eq!(machine.run_until(10_000).unwrap(), Stop::Sent { peripheral: 0x4000_0000, byte: tick });
+        // The store took a cycle, and the peripheral saw it before that was counted.
+        assert_eq!(machine.usage().cycles, 1000 * u64::from(tick));
+        assert!(machine.deliver(0x4000_0000, b"ab"));
+    }
+    assert_eq!(machine.run_until(3500).unwrap(), Stop::Limit);
+    assert_eq!((machine.usage().exceptions, machine.cpu.r[4], machine.cpu.r[5]), (3, 3, 6));
+    assert!(!machine.deliver(0x4000_0004, b"a"));
+}
+
+#[test]
+fn a_peripheral_has_registers_and_interrupts_of_its_own() {
+    let mut machine = machine(Core::M4, &[], &[0xe7fe], &[]);
+    machine.attach(0x4000_0000, 0x1000, &[], ticker()).unwrap();
+    let mut refused =
+        |base, interrupts: &[u16]| machine.attach(base, 0x100, interrupts, ticker()).unwrap_err().to_string();
+    assert!(refused(0x4000_0f80, &[]).contains("over another peripheral"));
+    assert!(refused(0x1fff_ff80, &[]).contains("over RAM"));
+    assert!(refused(0xe000_e000, &[]).contains("over the core's own registers"));
+    assert!(refused(0x5000_0000, &[3, 240]).contains("the highest number 240"));
+    machine.attach(0x4000_1000, 0x100, &[239], ticker()).unwrap();
+}
+
+#[test]
+fn an_interrupt_that_msr_lets_in_comes_at_once() {
+    // msr primask, r1; str r2, [r0]; nop; msr primask, r3; nop; b .
+    let code = [0xf381, 0x8810, 0x6002, 0xbf00, 0xf383, 0x8810, 0xbf00, 0xe7fe];
+    let mut machine = machine(Core::M4, &[], &code, &[0x4770]);
+    machine.cpu.r[..4].copy_from_slice(&[ICSR, 1, PEND_SV, 0]);
+    machine.set_breakpoint(0x88);
+    assert_eq!(machine.run_until(1000).unwrap(), Stop::Breakpoint(0x88));
+    assert_eq!(machine.usage().exceptions, 0);
+    machine.set_breakpoint(0x8c);
+    assert_eq!(machine.run_until(1000).unwrap(), Stop::Breakpoint(0x8c));
+    assert_eq!(machine.usage().exceptions, 1);
 }

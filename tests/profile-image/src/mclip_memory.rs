@@ -1,9 +1,8 @@
 //! The .mclip that was loaded, and memory for its decoder.
 
-use crate::lend::lend;
+use crate::lend::SpareRam;
 use crate::loaded::{File, Number};
-use decoder_core::I16F16;
-use decoder_core::mclip::{Memory, State};
+use decoder_core::mclip::Memory;
 
 /// The clip.
 #[unsafe(no_mangle)]
@@ -24,10 +23,11 @@ static HALVES: Number = Number::NONE;
 /// As much memory as the decoder needs.
 #[inline(always)]
 pub fn memory() -> Memory<'static> {
+    let mut ram = SpareRam::new();
     Memory {
-        pose: lend(CHANNELS.elements(), I16F16::ZERO),
-        states: lend(CHANNELS.elements(), State::EMPTY),
-        words: lend(WORDS.elements(), 0),
-        halves: lend(HALVES.elements(), 0),
+        pose: ram.lend(CHANNELS.elements()),
+        states: ram.lend(CHANNELS.elements()),
+        words: ram.lend(WORDS.elements()),
+        halves: ram.lend(HALVES.elements()),
     }
 }

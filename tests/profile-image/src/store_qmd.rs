@@ -1,8 +1,8 @@
 //! The decoder of a .qmd that was loaded.
 
-use crate::lend::lend;
+use crate::lend::SpareRam;
 use crate::loaded::{File, Number};
-use decoder_core::{Error, I16F16, Limits, qmd};
+use decoder_core::{Error, Limits, qmd};
 
 /// The clip.
 #[unsafe(no_mangle)]
@@ -21,6 +21,8 @@ pub type Decoder = qmd::Decoder<'static, 'static>;
 /// The decoder, and the clip's rate in hundredths of a frame per second.
 pub fn decoder() -> Result<(Decoder, u16), Error> {
     let clip = qmd::Clip::parse(CLIP.bytes(), Limits::MAX)?;
-    let table = if cfg!(feature = "no-table") { None } else { Some(lend(TABLE.elements(), 0)) };
-    Ok((clip.decoder(lend(CHANNELS.elements(), I16F16::ZERO), table)?, clip.rate_centihertz()))
+    let mut ram = SpareRam::new();
+    let pose = ram.lend(CHANNELS.elements());
+    let table = if cfg!(feature = "no-table") { None } else { Some(ram.lend(TABLE.elements())) };
+    Ok((clip.decoder(pose, table)?, clip.rate_centihertz()))
 }

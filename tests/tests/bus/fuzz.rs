@@ -5,6 +5,7 @@ use crate::servos1;
 use crate::servos2;
 use crate::session::{Port2, line, port, wire};
 use crate::wire::{Servos, Wire};
+use fastrand::Rng;
 use servo_wire::blender::Parser;
 use servo_wire::bus::{Goal, Reading, ServoBus};
 use servo_wire::dynamixel::bus::BLOCK_LEN;
@@ -17,15 +18,16 @@ const IDS: [u8; 4] = [1, 2, 9, 252];
 /// Frames for each of the buses.
 const FRAMES: usize = 260_000;
 
-/// xorshift64*: the same numbers on every run.
-pub struct Random(pub u64);
+/// The same numbers on every run.
+pub struct Random(Rng);
 
 impl Random {
+    fn new(seed: u64) -> Self {
+        Self(Rng::with_seed(seed))
+    }
+
     fn below(&mut self, bound: usize) -> usize {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33) as usize % bound
+        self.0.usize(..bound)
     }
 
     /// Bytes in which headers and their parts are common.
@@ -49,7 +51,7 @@ struct Babble {
 
 impl Babble {
     fn new(two: bool) -> Self {
-        Self { random: Random(0x5EED), two, frames: 0 }
+        Self { random: Random::new(0x5EED), two, frames: 0 }
     }
 
     fn answer(&mut self, asked: u8, len: usize) -> Vec<u8> {
@@ -260,7 +262,7 @@ fn a_million_frames() {
             });
         report(if series == Series::Sts { "Feetech STS" } else { "Feetech SCS" }, &wire, good);
     }
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     let mut parser = Parser::new();
     let (mut blender, mut expected) = (0, 0);
     for _ in 0..200_000 {

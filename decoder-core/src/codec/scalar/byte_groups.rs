@@ -341,7 +341,7 @@ mod tests {
     /// Every number of channels of every width, and groups of several: with more bytes behind them, and at the end of a block.
     #[test]
     fn codes_are_those_of_a_reader_of_bits() {
-        let mut random = Random(12);
+        let mut random = Random::new(12);
         let mut all: Vec<Vec<u8>> = Vec::new();
         for width in 3..=9u8 {
             all.extend((1..=CHUNK).map(|count| std::vec![width; count]));

@@ -19,11 +19,11 @@ use fixed::types::I16F16;
 #[derive(Debug)]
 #[repr(C)]
 pub struct ScalarDecoder<'a, 's> {
-    /// Bits of the block that were taken.
-    position: usize,
     channels: Channels<'s>,
     /// The loop over byte groups, where there is one.
     group_loop: Option<GroupLoop>,
+    /// Bits of the block that were taken.
+    position: usize,
     /// The quantiser that such a loop is handed.
     adaptive: Adaptive,
     codec: LinkedScalar<'a>,
@@ -94,7 +94,6 @@ impl<'a, 's> ScalarDecoder<'a, 's> {
     pub fn choose<C: Choose>(&mut self, choose: &mut C, entry: bool) -> &[I16F16] {
         if entry {
             self.restart();
-            self.stage.restart(self.channels.states.iter_mut().map(|state| &mut state.context), 0);
             if self.has_entry_values {
                 let keep = self.codec.keeps_values();
                 let values = |channel, shift, bits| choose.entry(channel, shift, bits);
@@ -113,50 +112,43 @@ impl<'a, 's> ScalarDecoder<'a, 's> {
     /// Decodes the next frame.
     #[inline(always)]
     fn decode(&mut self, codes: &[u8]) -> Option<()> {
-        let Some(group_loop) = self.group_loop else { return self.decode_other(codes) };
-        let bytes = codes.get(self.position >> 3..)?;
-        let rest = group_loop(&mut self.channels, &self.adaptive, bytes)?;
-        self.position = codes.len().wrapping_sub(rest.len()).wrapping_mul(8);
+        let position = self.position;
+        self.position = if let Some(group_loop) = self.group_loop {
+            let bytes = codes.get(position >> 3..)?;
+            let rest = group_loop(&mut self.channels, &self.adaptive, bytes)?;
+            codes.len().wrapping_sub(rest.len()).wrapping_mul(8)
+        } else {
+            self.decode_other(codes, position)?
+        };
         Some(())
     }
 
-    /// The same where the channels have no loop over byte groups.
+    /// The same where the channels have no loop over byte groups; gives the bit where the codes end.
     #[inline(never)]
-    fn decode_other(&mut self, codes: &[u8]) -> Option<()> {
-        let Self {
-            position, channels: Channels { pose, states }, words, halves, clock, codec, stage, ..
-        } = self;
-        let frame = Frame { codec, pose, states, words, halves, clock, codes, position: *position };
-        *position = stage.feed(frame)?;
-        Some(())
+    fn decode_other(&mut self, codes: &[u8], position: usize) -> Option<usize> {
+        let Self { channels: Channels { pose, states }, words, halves, clock, codec, stage, .. } = self;
+        stage.feed(Frame { codec, pose, states, words, halves, clock, codes, position })
     }
 
     /// Decodes the values of an entry point.
-    // Its loop needs more registers than Cortex-M4 has beside its caller's; on Cortex-M0+ a call costs more than it saves.
-    #[cfg_attr(target_has_atomic = "32", inline(never))]
+    #[inline(never)]
     fn decode_values(&mut self, codes: &[u8]) -> Option<()> {
-        self.restart();
-        let mut position = 0;
-        if self.has_entry_values {
-            let keep = self.codec.keeps_values();
-            let mut reader = BitReader::new(codes);
-            set_values(self.channels.pose, self.channels.states, keep, |_, _, bits| {
-                if bits <= MAX_TAKE {
-                    return reader.take_signed(bits);
-                }
-                let high = reader.take_signed(bits.wrapping_sub(MAX_TAKE));
-                high.wrapping_shl(MAX_TAKE) | reader.take(MAX_TAKE).cast_signed()
-            });
-            position = reader.position();
-        }
-        let contexts = self.channels.states.iter_mut().map(|state| &mut state.context);
-        self.position = within(self.stage.restart(contexts, position), codes)?;
+        let Channels { pose, states } = &mut self.channels;
+        let position = if self.codec.keeps_values() {
+            read_values::<true>(pose, states, codes)
+        } else {
+            read_values::<false>(pose, states, codes)
+        };
+        self.position = within(self.stage.codes_from(position), codes)?;
         Some(())
     }
 
-    /// Sets all but the values of channels and the stage to what it is at an entry point.
+    /// Sets all but the values of channels to what it is at an entry point. A function of its own, which takes no registers from
+    /// the loop over the values.
+    #[inline(never)]
     fn restart(&mut self) {
-        let Self { channels: Channels { pose, states }, words, halves, clock, codec, .. } = self;
+        let Self { channels: Channels { pose, states }, words, halves, clock, codec, stage, .. } = self;
+        stage.restart(states.iter_mut().map(|state| &mut state.context));
         clock.frame = 0;
         // The first frame is to have row 0.
         clock.row = clock.rows;
@@ -167,12 +159,15 @@ impl<'a, 's> ScalarDecoder<'a, 's> {
 impl FrameDecoder for ScalarDecoder<'_, '_> {
     #[inline(always)]
     fn begin(&mut self, codes: &[u8], entry: bool) -> Option<bool> {
-        if !entry {
-            self.position = 0;
-            return Some(false);
+        self.position = 0;
+        if entry {
+            self.restart();
+            if self.has_entry_values {
+                self.decode_values(codes)?;
+                return Some(true);
+            }
         }
-        self.decode_values(codes)?;
-        Some(self.has_entry_values)
+        Some(false)
     }
 
     #[inline(always)]
@@ -239,6 +234,21 @@ impl FrameLoops for Frame<'_, '_> {
         codec.finish(states, words, halves, clock);
         Some(codes.len().wrapping_sub(rest_of_codes.len()).wrapping_mul(8))
     }
+}
+
+/// Reads the values of all channels at an entry point; gives the bit where they end. A function of its own, since its loop needs
+/// all registers.
+#[inline(never)]
+fn read_values<const KEEP: bool>(pose: &mut [I16F16], states: &mut [State], codes: &[u8]) -> usize {
+    let mut reader = BitReader::new(codes);
+    set_values(pose, states, KEEP, |_, _, bits| {
+        if bits <= MAX_TAKE {
+            return reader.take_signed(bits);
+        }
+        let high = reader.take_signed(bits.wrapping_sub(MAX_TAKE));
+        high.wrapping_shl(MAX_TAKE) | reader.take(MAX_TAKE).cast_signed()
+    });
+    reader.position()
 }
 
 /// A position in codes, which have to be as long.

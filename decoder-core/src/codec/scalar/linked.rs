@@ -18,13 +18,13 @@ use fixed::types::I16F16;
 
 macro_rules! linked_scalars {
     (
-        scalar { $($(#[$doc:meta])* $id:literal $Variant:ident($Type:ty) $name:literal [$($part:literal),*];)* }
+        scalar { $($(#[$doc:meta])* $id:literal $Variant:ident($module:ident $(<$life:lifetime>)?) $name:literal [$($part:literal),*];)* }
         other { $($other:tt)* }
     ) => {
         /// A scalar codec that was linked, with its parameters. A feature that is off takes its variant away.
         #[derive(Clone, Copy, Debug)]
         pub enum LinkedScalar<'a> {
-            $(#[cfg(feature = $name)] $(#[$doc])* $Variant($Type),)*
+            $(#[cfg(feature = $name)] $(#[$doc])* $Variant(crate::codec::$module::$Variant $(<$life>)?),)*
             /// Never there: for sets of features without any codec.
             #[doc(hidden)]
             Never(Infallible, PhantomData<&'a ()>),

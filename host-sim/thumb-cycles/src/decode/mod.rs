@@ -24,7 +24,6 @@ pub fn decode(arch: Arch, pc: u32, first: u16, second: u16, it: u8) -> Insn {
     };
     if it != 0 {
         insn.cond = it >> 4;
-        insn.it = it;
         // Always-true conditions have two encodings.
         if insn.cond == 15 {
             insn.cond = crate::insn::ALWAYS;

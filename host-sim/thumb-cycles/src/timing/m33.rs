@@ -98,10 +98,9 @@ impl Timing for M33 {
             return 0;
         }
         let results = if passed { insn.writes & 0x7fff } else { 0 };
-        let base = if insn.writes_back() { 1u16 << (insn.n & 15) } else { 0 };
         (self.late, self.late_to_accumulate, self.late_flags) = match insn.class {
             // "Load result can be consumed as MAC accumulate dependency in 1 cycle."
-            Class::Load | Class::LoadDouble => (results & !base, 0, false),
+            Class::Load | Class::LoadDouble => (results & !insn.base, 0, false),
             // The last register only would be late; which one that is was not measured.
             Class::LoadMultiple => (0, 0, false),
             Class::Multiply if insn.s => (0, 0, false),

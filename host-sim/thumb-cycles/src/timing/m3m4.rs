@@ -4,25 +4,34 @@ use super::model::{ExceptionCycles, Timing, divide};
 use crate::insn::{Class, Index, Insn};
 use crate::outcome::Outcome;
 
-/// What the instruction before left in the pipeline.
+/// It was a load of one register that the next access may overlap.
+const LOAD: u8 = 1;
+/// It was a store of one register.
+const STORE: u8 = 2;
+/// It was a store with register offset.
+const STORE_BY_REGISTER: u8 = 4;
+/// It was executed and has 16 bits.
+const NARROW: u8 = 8;
+/// It branched.
+const BRANCHED: u8 = 16;
+
+/// What the instruction before left in the pipeline. Eight bytes, because it is written once for each instruction.
 #[derive(Clone, Copy, Debug, Default)]
 struct Before {
-    /// It was a load of one register that the next access may overlap.
-    load: bool,
-    /// It was a store of one register, or of several.
-    store: bool,
-    /// It was a store with register offset.
-    store_by_register: bool,
-    /// It was executed and has 16 bits.
-    narrow: bool,
+    /// What kind of instruction it was: the constants above.
+    kind: u8,
     /// Registers that a data processing instruction wrote.
     computed: u16,
     /// Registers that a load wrote.
     loaded: u16,
     /// Base register that a load or store changed.
     base: u16,
-    /// It branched.
-    branched: bool,
+}
+
+impl Before {
+    fn was(&self, kind: u8) -> bool {
+        self.kind & kind != 0
+    }
 }
 
 /// Cortex-M3 (`M4` false) or M4.
@@ -43,16 +52,14 @@ impl<const M4: bool> M3M4<M4> {
     /// the M3, a load with write-back only begins a chain; on the M4 two do not chain on one base.
     fn chains(&self, insn: &Insn) -> bool {
         let before = &self.before;
-        let write_back = insn.writes_back();
-        let base = 1u16 << (insn.n & 15);
-        before.load
+        before.was(LOAD)
             && insn.address & before.loaded == 0
-            && if M4 { !(write_back && before.base & base != 0) } else { !write_back }
+            && if M4 { insn.base & before.base == 0 } else { insn.base == 0 }
     }
 
     /// pipetest: a store does not overlap the load after it. (TRM: the store buffer has one entry.)
     fn store_stall(&self) -> u32 {
-        u32::from(self.before.store)
+        u32::from(self.before.was(STORE))
     }
 
     /// TRM: 2, 1 when pipelined.
@@ -89,7 +96,7 @@ impl<const M4: bool> M3M4<M4> {
     /// TRM note on P, 1 to 3 "depending on the alignment and width of the target instruction": one more where that is
     /// a 32-bit instruction across a word boundary.
     fn target_stall(&self, insn: &Insn, pc: u32) -> u32 {
-        u32::from(self.before.branched && insn.len == 4 && pc & 2 != 0)
+        u32::from(self.before.was(BRANCHED) && insn.len == 4 && pc & 2 != 0)
     }
 
     fn cycles(&self, insn: &Insn, outcome: &Outcome) -> u32 {
@@ -115,9 +122,9 @@ impl<const M4: bool> M3M4<M4> {
             }
             Class::StoreMultiple => 1 + insn.transfers() + self.address_stall(insn),
             // M4 TRM: IT "can be folded into a preceding 16-bit Thumb instruction".
-            Class::It => u32::from(!before.narrow),
+            Class::It => u32::from(!before.was(NARROW)),
             // pipetest: a load, and a store with register offset, eat the NOP after them.
-            Class::Nop => u32::from(!(before.load || before.store_by_register)),
+            Class::Nop => u32::from(!before.was(LOAD | STORE_BY_REGISTER)),
             // TRM: 1 + B; B is not published, 3 is a refill.
             Class::Barrier => 4,
             // TRM: 1 or 2.
@@ -147,36 +154,28 @@ impl<const M4: bool> Timing for M3M4<M4> {
             return 1 + stall;
         }
         let cycles = self.cycles(insn, outcome) + stall;
-        let base = if insn.writes_back() { 1u16 << (insn.n & 15) } else { 0 };
+        let narrow = if insn.len == 2 { NARROW } else { 0 };
+        let branched = if outcome.taken { BRANCHED } else { 0 };
         self.before = match insn.class {
             Class::Load => Before {
-                load: true,
-                loaded: insn.writes & !base,
-                base,
-                narrow: insn.len == 2,
-                branched: outcome.taken,
-                ..Before::default()
+                kind: LOAD | narrow | branched,
+                loaded: insn.writes & !insn.base,
+                base: insn.base,
+                computed: 0,
             },
-            Class::Store => Before {
-                store: true,
-                store_by_register: insn.index == Index::Register,
-                base,
-                narrow: insn.len == 2,
-                ..Before::default()
-            },
-            Class::StoreMultiple | Class::StoreDouble => {
-                Before { narrow: insn.len == 2, ..Before::default() }
+            Class::Store => {
+                let by_register = if insn.index == Index::Register { STORE_BY_REGISTER } else { 0 };
+                Before { kind: STORE | by_register | narrow, base: insn.base, ..Before::default() }
             }
+            Class::StoreMultiple | Class::StoreDouble => Before { kind: narrow, ..Before::default() },
             Class::LoadMultiple | Class::LoadDouble => {
-                Before { narrow: insn.len == 2, branched: outcome.taken, ..Before::default() }
+                Before { kind: narrow | branched, ..Before::default() }
             }
             Class::It | Class::Nop => Before::default(),
-            _ => Before {
-                computed: insn.writes & 0x7fff,
-                narrow: insn.len == 2 && !outcome.taken,
-                branched: outcome.taken,
-                ..Before::default()
-            },
+            _ => {
+                let kind = if outcome.taken { BRANCHED } else { narrow };
+                Before { kind, computed: insn.writes & 0x7fff, ..Before::default() }
+            }
         };
         cycles
     }

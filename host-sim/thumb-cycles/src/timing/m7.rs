@@ -165,7 +165,7 @@ impl Timing for M7 {
             written &= written - 1;
             (self.late[register], self.early[register]) = (end + late, end + early);
         }
-        if passed && insn.writes_back() {
+        if passed && insn.base != 0 {
             let base = usize::from(insn.n & 15);
             (self.late[base], self.early[base]) = (issue, issue + 1);
         }

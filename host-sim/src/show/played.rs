@@ -35,8 +35,8 @@ const QEMU_SLACK_US: u32 = 2_000_000;
 pub struct Note {
     /// The tick that came next.
     pub tick: u32,
-    /// What.
-    pub what: What,
+    /// NoteKind.
+    pub what: NoteKind,
     /// What it has become: a state, a fault, the number of a clip.
     pub text: String,
 }
@@ -44,7 +44,7 @@ pub struct Note {
 /// What a note is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum What {
+pub enum NoteKind {
     /// Where the puppet is.
     State,
     /// A fault was latched; the text is empty where it was acknowledged.
@@ -72,7 +72,7 @@ pub struct Cost {
 
 /// A show that has come to its end.
 #[derive(Clone, Debug)]
-pub struct Ran {
+pub struct PlayedShow {
     /// What the servos were told, and where they were.
     pub recording: Recording,
     /// What changed, in order.
@@ -81,18 +81,18 @@ pub struct Ran {
     pub costs: Vec<Cost>,
 }
 
-impl Ran {
+impl PlayedShow {
     /// The state in the end.
     pub fn ends(&self) -> &str {
-        self.last(What::State)
+        self.last(NoteKind::State)
     }
 
     /// The fault that is latched in the end, if one is.
     pub fn fault(&self) -> Option<&str> {
-        Some(self.last(What::Fault)).filter(|text| !text.is_empty())
+        Some(self.last(NoteKind::Fault)).filter(|text| !text.is_empty())
     }
 
-    fn last(&self, what: What) -> &str {
+    fn last(&self, what: NoteKind) -> &str {
         self.notes.iter().rev().find(|note| note.what == what).map_or("", |note| &note.text)
     }
 }
@@ -101,7 +101,7 @@ impl Ran {
 ///
 /// # Errors
 /// Where clips do not fit the puppet.
-pub fn on_host(program: &Program) -> Result<Ran> {
+pub fn on_host(program: &Program) -> Result<PlayedShow> {
     let clips = program.parsed()?;
     let mut memories: Vec<_> = clips.iter().map(|clip| clip.lend()).collect();
     let decoders: Result<Vec<_>> =
@@ -126,7 +126,7 @@ pub fn on_host(program: &Program) -> Result<Ran> {
         most: most_ticks(program)?,
     };
     let recorder = on_the_spot(&mut puppet, recorder(program)?, &mut surroundings)?;
-    Ok(Ran { recording: recorder.finish()?, notes: surroundings.notes, costs: Vec::new() })
+    Ok(PlayedShow { recording: recorder.finish()?, notes: surroundings.notes, costs: Vec::new() })
 }
 
 /// The servos, and what will happen to them.
@@ -170,23 +170,23 @@ impl<L: Library> Surroundings<L, MAX_SERVOS> for ShowSurroundings<'_, '_> {
             script.control(puppet, |command, error| refused.push(format!("{command:?}: {error:?}")));
         let tick = script.tick().unwrap_or(0);
         let mut note = |what, text| notes.push(Note { tick, what, text });
-        refused.into_iter().for_each(|text| note(What::Refused, text));
+        refused.into_iter().for_each(|text| note(NoteKind::Refused, text));
         if state.replace(puppet.state()) != Some(puppet.state()) {
-            note(What::State, format!("{:?}", puppet.state()));
+            note(NoteKind::State, format!("{:?}", puppet.state()));
         }
         if std::mem::replace(fault, puppet.fault()) != puppet.fault() {
-            note(What::Fault, puppet.fault().map_or(String::new(), |fault| format!("{fault:?}")));
+            note(NoteKind::Fault, puppet.fault().map_or(String::new(), |fault| format!("{fault:?}")));
         }
         let plays = puppet.mixer().position().map(|(clip, ..)| clip);
         if std::mem::replace(clip, plays) != plays {
-            note(What::Clip, plays.map_or(String::new(), |clip| clip.to_string()));
+            note(NoteKind::Clip, plays.map_or(String::new(), |clip| clip.to_string()));
         }
         let now = script.sender().made();
         if std::mem::replace(made, now) != now {
-            note(What::Stream, now.map_or(String::new(), |made| format!("{made:?}")));
+            note(NoteKind::Stream, now.map_or(String::new(), |made| format!("{made:?}")));
             if now.is_none() {
                 let Counters { played, concealed, eased, lost, .. } = script.sender().counters();
-                note(What::Streamed, format!("{played} {concealed} {eased} {lost}"));
+                note(NoteKind::Streamed, format!("{played} {concealed} {eased} {lost}"));
             }
         }
         goes_on && tick < *most
@@ -199,7 +199,7 @@ impl<L: Library> Surroundings<L, MAX_SERVOS> for ShowSurroundings<'_, '_> {
 ///
 /// # Errors
 /// As [`on_host`], and where the image cannot be built, does what the simulator does not know, or does not end.
-pub fn on_sim(program: &Program, log: &mut dyn FnMut(&str)) -> Result<Ran> {
+pub fn on_sim(program: &Program, log: &mut dyn FnMut(&str)) -> Result<PlayedShow> {
     simulate(&image(program)?, program, recorder(program)?, &mut |_, _, packet| packet.to_vec(), log)
 }
 
@@ -224,7 +224,7 @@ pub fn on_sim_wire(
     program: &Program,
     wire: &mut Tamper<'_>,
     log: &mut dyn FnMut(&str),
-) -> Result<Ran> {
+) -> Result<PlayedShow> {
     let mut recorder = recorder(program)?;
     recorder.bear_all();
     simulate(elf, program, recorder, wire, log)
@@ -236,7 +236,7 @@ fn simulate(
     mut recorder: Recorder<'_>,
     wire: &mut Tamper<'_>,
     log: &mut dyn FnMut(&str),
-) -> Result<Ran> {
+) -> Result<PlayedShow> {
     let mut lines = Log::new(elf)?;
     let parsed = Image::parse(elf)?;
     let mut machine = Machine::new(Core::M4, &Board::mps2(), &parsed)?;
@@ -273,14 +273,14 @@ fn simulate(
             Stop::Breakpoint(_) | Stop::Returned | Stop::ItmWrite { .. } => {}
         }
     }
-    Ok(Ran { recording: recorder.finish()?, notes, costs: meter.costs })
+    Ok(PlayedShow { recording: recorder.finish()?, notes, costs: meter.costs })
 }
 
 /// Runs it under QEMU.
 ///
 /// # Errors
 /// As [`on_sim`].
-pub fn on_qemu(program: &Program, log: &mut dyn FnMut(&str)) -> Result<Ran> {
+pub fn on_qemu(program: &Program, log: &mut dyn FnMut(&str)) -> Result<PlayedShow> {
     let elf = images::build(program, QEMU_SLACK_US)?;
     let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
     let path = folder.path().join("bunraku-show");
@@ -291,8 +291,8 @@ pub fn on_qemu(program: &Program, log: &mut dyn FnMut(&str)) -> Result<Ran> {
     let limit =
         Duration::from_secs(120 + 10 * u64::from(most_ticks(program)? / u32::from(program.map.tick_hz())));
     let mut device = |bytes: &[u8]| recorder.receive(bytes);
-    qemu::run(&to_run, Some(&mut device), limit, &mut |line| read(line, &mut notes, log))?;
-    Ok(Ran { recording: recorder.finish()?, notes, costs: Vec::new() })
+    qemu::run_image(&to_run, Some(&mut device), limit, &mut |line| read(line, &mut notes, log))?;
+    Ok(PlayedShow { recording: recorder.finish()?, notes, costs: Vec::new() })
 }
 
 /// A line of the board's log: `info: tick 12 state Playing` and the like; others are passed on.
@@ -301,12 +301,12 @@ fn read(line: &str, notes: &mut Vec<Note>, log: &mut dyn FnMut(&str)) {
         let mut words = line.strip_prefix("info: tick ")?.splitn(3, ' ');
         let tick = words.next()?.parse().ok()?;
         let what = match words.next()? {
-            "state" => What::State,
-            "fault" => What::Fault,
-            "clip" => What::Clip,
-            "refused" => What::Refused,
-            "stream" => What::Stream,
-            "streamed" => What::Streamed,
+            "state" => NoteKind::State,
+            "fault" => NoteKind::Fault,
+            "clip" => NoteKind::Clip,
+            "refused" => NoteKind::Refused,
+            "stream" => NoteKind::Stream,
+            "streamed" => NoteKind::Streamed,
             _ => return None,
         };
         Some(Note { tick, what, text: words.next().unwrap_or_default().trim().to_owned() })
@@ -442,12 +442,12 @@ mod tests {
         }
         let note = |tick, what, text: &str| Note { tick, what, text: text.to_owned() };
         let expected = [
-            note(0, What::State, "Reading"),
-            note(31, What::Fault, "Silent { servo: 3 }"),
-            note(40, What::Fault, ""),
-            note(41, What::Clip, "2"),
-            note(42, What::Stream, "Right"),
-            note(43, What::Streamed, "7 2 3 1"),
+            note(0, NoteKind::State, "Reading"),
+            note(31, NoteKind::Fault, "Silent { servo: 3 }"),
+            note(40, NoteKind::Fault, ""),
+            note(41, NoteKind::Clip, "2"),
+            note(42, NoteKind::Stream, "Right"),
+            note(43, NoteKind::Streamed, "7 2 3 1"),
         ];
         assert_eq!(
             (notes, rest),
