@@ -93,9 +93,10 @@ struct Events {
     event: Vec<Table>,
 }
 
-/// Reads what is to happen to servos, with the time of each in microseconds: tables `[[event]]` with `at` (seconds) and
-/// `what`, one of `restart` (`servo`), `silence` (`servo`, `seconds`), `cut` (`seconds`) and `turn` (`servo`, `position`);
-/// with the name of the `bus`, where an event says it.
+/// Reads what is to happen to servos, with the time of each in microseconds: tables `[[event]]` with `at` (seconds)
+/// and
+/// `what`, one of `restart` (`servo`), `silence` (`servo`, `seconds`), `cut` (`seconds`) and `turn` (`servo`,
+/// `position`); with the name of the `bus`, where an event says it.
 ///
 /// # Errors
 /// A sentence with the file and the event.

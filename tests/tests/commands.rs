@@ -45,8 +45,8 @@ const STAND_INS: [(&str, &str); 4] = [
 const DEVICE_PORTS: [&str; 3] = ["tcp:127.0.0.1:4100", "/dev/ttyACM0", "/dev/ttyUSB0"];
 const SERVO_PORTS: [&str; 2] = ["ax=/dev/pts/0,...", "/dev/pts/N"];
 
-/// Longest that a command may take.
-const LIMIT: Duration = Duration::from_secs(300);
+/// Longest that a command may take, also on a machine that is busy: one that hangs is ended.
+const LIMIT: Duration = Duration::from_secs(1200);
 
 /// The command lines of a page, comments behind them left out.
 fn command_lines(page: &str) -> Vec<String> {

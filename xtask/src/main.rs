@@ -71,8 +71,10 @@ fn demo() -> Result<()> {
     let ready = setup::for_boards();
     let folder = workspace().join("target/demo");
     let mut bunraku = cargo();
+    // Little optimised, and without what the demo does not need: building takes longer than the demo.
     bunraku
-        .args(["run", "--quiet", "--package", "host-sim", "--bin", "bunraku", "--", "demo", "--output"])
+        .args(["run", "--quiet", "--profile", "quick", "--package", "host-sim", "--no-default-features"])
+        .args(["--bin", "bunraku", "--", "demo", "--output"])
         .arg(folder);
     if ready.missing.is_empty() {
         bunraku.arg("--qemu");

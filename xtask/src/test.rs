@@ -91,14 +91,14 @@ fn nextest_tally(tests: &mut Command, target: &Path, tally: &mut Tally) -> Resul
 }
 
 fn read_junit(text: &str, tally: &mut Tally) {
-    for case in text.split("<testcase ").skip(1) {
+    for case in text.split("<testcase").skip(1) {
         let attribute = |name: &str| {
-            let value = case.split_once(&format!("{name}=\"")).and_then(|(_, rest)| rest.split_once('"'));
+            let value = case.split_once(&format!(" {name}=\"")).and_then(|(_, rest)| rest.split_once('"'));
             value.map_or("", |(value, _)| value)
         };
         if case.contains("<failure") || case.contains("<error") {
             tally.failed += 1;
-            tally.failures.insert(format!("{} {}", attribute("classname"), attribute(" name").trim()));
+            tally.failures.insert(format!("{} {}", attribute("classname"), attribute("name")));
         } else {
             tally.passed += 1;
         }

@@ -13,11 +13,12 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The crates whose files are checked, by their folder.
-const CRATES: [&str; 8] = [
+const CRATES: [&str; 9] = [
     "decoder-core",
     "encoder",
     "encoder/mocap",
     "firmware",
+    "firmware/servo-wire",
     "host-sim",
     "host-sim/puppet-file",
     "host-sim/thumb-cycles",

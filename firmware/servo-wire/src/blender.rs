@@ -4,10 +4,10 @@
 //! units of the user's choice (the add-on's "position min" and "position max": degrees, microseconds, or steps
 //! of a PCA9685); here they are goal units. There is no checksum.
 //!
-//! Source: timhendriks93/blender-servo-animation, `addon/utils/live_mode.py`, and the Arduino library of the same author.
+//! Source: timhendriks93/blender-servo-animation, `addon/utils/live_mode.py`, and the Arduino library of the same
+//! author.
 
-use crate::bus::MAX_SERVOS;
-use crate::bus::{BusError, Goal, ServoBus};
+use crate::bus::{BusError, Goal, MAX_SERVOS, ServoBus};
 use embassy_futures::select::{Either, select};
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::Write;
@@ -51,7 +51,8 @@ impl Parser {
 
     /// Takes a byte and returns the goal of the frame that it ends.
     ///
-    /// A `<` within a frame does not start another one: it may be an id or half a position. Where a frame does not end with
+    /// A `<` within a frame does not start another one: it may be an id or half a position. Where a frame does not
+    /// end with
     /// `>`, its bytes are searched again for a start.
     pub fn feed(&mut self, byte: u8) -> Option<Goal> {
         if let Some(slot) = self.window.get_mut(self.len) {
@@ -85,8 +86,8 @@ impl Parser {
 
 /// Servos behind something that takes the add-on's frames, such as its Arduino library, as a [`ServoBus`].
 ///
-/// A frame goes out where a goal changed, and one unasked each time, so that a lost one is made good. Nothing can be read
-/// back, and torque is on by the first frame.
+/// A frame goes out where a goal changed, and one unasked each time, so that a lost one is made good. Nothing can be
+/// read back, and torque is on by the first frame.
 #[derive(Debug)]
 pub struct BlenderBus<W, T> {
     output: W,

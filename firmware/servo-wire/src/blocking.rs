@@ -1,9 +1,23 @@
 //! The same buses for code without an executor, over blocking traits.
 //!
-//! ```ignore
-//! let port = Port::new(Polled(uart), pin, PolledDelay::new(timer), LineConfig::uart(1_000_000));
-//! let mut bus = DynamixelBus::new(Client::new(port));
-//! block_on(bus.write_goals(&goals))?;
+//! ```
+//! use embassy_futures::block_on;
+//! use servo_wire::blocking::{Polled, PolledDelay};
+//! use servo_wire::bus::{BusError, Goal, ServoBus};
+//! use servo_wire::dynamixel::{DynamixelBus, DynamixelClient};
+//! use servo_wire::port::{LineConfig, Port};
+//!
+//! /// Sends goals over a blocking UART; `direction` is high to send.
+//! fn send<U, D, T>(uart: U, direction: D, timer: T, goals: &[Goal]) -> Result<(), BusError>
+//! where
+//!     U: embedded_io::Read + embedded_io::ReadReady + embedded_io::Write,
+//!     D: embedded_hal::digital::OutputPin,
+//!     T: embedded_hal::delay::DelayNs,
+//! {
+//!     let port = Port::new(Polled(uart), direction, PolledDelay::new(timer), LineConfig::uart(1_000_000));
+//!     let mut bus: DynamixelBus<_, _, _> = DynamixelBus::new(DynamixelClient::new(port));
+//!     block_on(bus.write_goals(goals))
+//! }
 //! ```
 
 use core::future::poll_fn;

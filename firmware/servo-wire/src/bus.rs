@@ -121,8 +121,8 @@ pub trait ServoBus {
     /// [`BusError::Port`] and [`BusError::TooMany`]: not all goals were sent.
     async fn write_goals(&mut self, goals: &[Goal]) -> Result<(), BusError>;
 
-    /// Reads all servos. Every entry of `readings` (as long as `ids`) is overwritten, whatever is returned: a servo that
-    /// kept silent or was garbled is `None`, the good answers of the others stay.
+    /// Reads all servos. Every entry of `readings` (as long as `ids`) is overwritten, whatever is returned: a servo
+    /// that kept silent or was garbled is `None`, the good answers of the others stay.
     ///
     /// # Errors
     /// Why, when servos that can be read were asked and none answered.

@@ -1,13 +1,13 @@
 //! Feetech servos of the STS, SMS and SCS series as a [`ServoBus`].
 //!
-//! They speak the frame of [protocol 1.0](crate::protocol1) with tables of their own. STS and SMS are little endian, give
-//! negative values by a sign bit and know Sync Read; SCS are big endian and are read one by one.
+//! They speak the frame of [protocol 1.0](crate::protocol1) with tables of their own. STS and SMS are little endian,
+//! give negative values by a sign bit and know Sync Read; SCS are big endian and are read one by one.
 //!
 //! Source: Feetech, "FT-SCS communication protocol manual" and the memory tables of "SMS/STS" and "SCSCL".
 
-use crate::bus::MAX_SERVOS;
 use crate::bus::{
-    BusError, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE, Goal, Reading, ServoBus,
+    BusError, ERROR_ENCODER, ERROR_HEAT, ERROR_OVERLOAD, ERROR_SHOCK, ERROR_VOLTAGE, Goal, MAX_SERVOS,
+    Reading, ServoBus,
 };
 use crate::port::LineConfig;
 use crate::protocol1::Protocol1Client;
@@ -106,8 +106,8 @@ pub const fn tick_bytes(series: Series, servos: usize) -> usize {
 
 /// Feetech servos of one series on one port, at most [`MAX_SERVOS`].
 ///
-/// Speed and acceleration of the goals are those that the servo holds: after a restart none, as fast as it can. They have
-/// no watchdog. `N`: see [`Protocol1Client`].
+/// Speed and acceleration of the goals are those that the servo holds: after a restart none, as fast as it can. They
+/// have no watchdog. `N`: see [`Protocol1Client`].
 #[derive(Debug)]
 pub struct FeetechBus<U, D, T, const N: usize = 192> {
     reader: Reader<U, D, T, N>,

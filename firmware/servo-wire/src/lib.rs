@@ -1,7 +1,7 @@
 //! The bytes on a servo's wire, and clients that speak them: Dynamixel, Feetech, hobby servos.
 //!
-//! `no_std`, no allocation. The promise: no bytes that come over a wire make this crate panic, read or write out of bounds,
-//! or wait for ever.
+//! `no_std`, no allocation. The promise: no bytes that come over a wire make this crate panic, read or write out of
+//! bounds, or wait for ever.
 //!
 //! The protocols, each with its packets, its client and its servos as a [`ServoBus`](bus::ServoBus):
 //!

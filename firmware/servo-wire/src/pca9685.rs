@@ -1,8 +1,8 @@
 //! Hobby servos on a PCA9685 board (16 channels over I2C) as a [`ServoBus`].
 //!
 //! Goal units are microseconds of pulse. All channels go out in one transfer of 65 bytes and the address: 1.5 ms at
-//! 400 kbit/s. The chip counts 4096 steps a period. At 50 Hz a step is 4.9 µs, which is some half a degree of a servo of
-//! 180° on 2000 µs. A PWM pin of the microcontroller ([`crate::pwm`]) is finer.
+//! 400 kbit/s. The chip counts 4096 steps a period. At 50 Hz a step is 4.9 µs, which is some half a degree of a
+//! servo of 180° on 2000 µs. A PWM pin of the microcontroller ([`crate::pwm`]) is finer.
 //!
 //! Source: NXP, "PCA9685", revision 4, sections 7.1 (address), 7.3.1 (MODE1), 7.3.3 (on and off counts) and 7.3.5
 //! (prescale).
@@ -31,8 +31,8 @@ const MODE1_SLEEP: u8 = 1 << 4;
 /// Each byte of a transfer goes to the register behind that of the byte before.
 const MODE1_AUTO_INCREMENT: u8 = 1 << 5;
 
-/// First of the registers of the channels (section 7.3.3): low and high byte of the count at which a pulse begins, then of
-/// the count at which it ends.
+/// First of the registers of the channels (section 7.3.3): low and high byte of the count at which a pulse begins,
+/// then of the count at which it ends.
 const FIRST_CHANNEL: u8 = 0x06;
 /// Bytes of registers of a channel.
 const CHANNEL_BYTES: usize = 4;
@@ -84,15 +84,15 @@ pub struct Pca9685Bus<I2C, T> {
 }
 
 impl<I2C: I2c, T: DelayNs> Pca9685Bus<I2C, T> {
-    /// A board at this address, which need not be there yet: it is set up (50 Hz, all channels low) when a servo is looked
-    /// for.
+    /// A board at this address, which need not be there yet: it is set up (50 Hz, all channels low) when a servo is
+    /// looked for.
     ///
-    /// `address`: [`DEFAULT_ADDRESS`] to 0x7F, as its address pads are bridged. `oscillator_hz`: [`OSCILLATOR_HZ`], or what
-    /// a measured period says (a period that measures 2 % too long: 2 % less).
+    /// `address`: [`DEFAULT_ADDRESS`] to 0x7F, as its address pads are bridged. `oscillator_hz`: [`OSCILLATOR_HZ`],
+    /// or what a measured period says (a period that measures 2 % too long: 2 % less).
     ///
     /// # Errors
-    /// [`BusError::Unsupported`] when the oscillator cannot give 50 Hz (3 to 50 MHz can), and where the address is none of a
-    /// single board.
+    /// [`BusError::Unsupported`] when the oscillator cannot give 50 Hz (3 to 50 MHz can), and where the address is
+    /// none of a single board.
     pub fn at(
         i2c: I2C,
         address: u8,
@@ -261,7 +261,8 @@ mod tests {
         bytes
     }
 
-    /// What the crate pwm-pca9685 1.0.0 wrote for the same calls, as it was recorded before this driver took its place.
+    /// What the crate pwm-pca9685 1.0.0 wrote for the same calls, as it was recorded before this driver took its
+    /// place.
     #[test]
     fn writes_what_the_driver_before_it_wrote() {
         for (oscillator_hz, prescale, middle, longest) in

@@ -1,7 +1,7 @@
 //! A half-duplex serial port: direction pin, echo, time limits.
 //!
-//! Every wait is bounded by a delay of the caller's timer, and every loop by the bytes that fit into that time, so that
-//! a port that is stuck, babbles or fails at once cannot hold the player.
+//! Every wait is bounded by a delay of the caller's timer, and every loop by the bytes that fit into that time, so
+//! that a port that is stuck, babbles or fails at once cannot hold the player.
 
 use crate::bus::BusError;
 use core::ops::ControlFlow;
@@ -16,8 +16,8 @@ const CHUNK: usize = 32;
 /// Bytes beyond what fits into a reply's time that may come at once out of a driver's buffer.
 const BACKLOG: u32 = 256;
 
-/// Direction "pin" of boards that switch by themselves: USB adapters, RS-485 transceivers with automatic direction, and
-/// UARTs whose own half-duplex mode or driver-enable output does it.
+/// Direction "pin" of boards that switch by themselves: USB adapters, RS-485 transceivers with automatic direction,
+/// and UARTs whose own half-duplex mode or driver-enable output does it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Automatic;
 
@@ -43,8 +43,8 @@ pub struct LineConfig {
     /// Longest that a servo waits before it answers, in microseconds. Dynamixel and Feetech servos leave the
     /// factory with 500 (register value 250); 0 is what a puppet wants.
     pub return_delay_us: u32,
-    /// What may be late beyond that, once an exchange, in microseconds: some 300 for a UART on a microcontroller, 20,000
-    /// for a USB adapter with its latency timer at 16 ms.
+    /// What may be late beyond that, once an exchange, in microseconds: some 300 for a UART on a microcontroller,
+    /// 20,000 for a USB adapter with its latency timer at 16 ms.
     pub slack_us: u32,
     /// Pause between the end of [`Write::flush`] and the switch of direction, in microseconds. For UART drivers whose
     /// flush returns while the last byte is still in the shift register: the time of one or two bytes. Else 0.
@@ -169,7 +169,8 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs> Port<U, D, T> {
         self.delay.delay_us(micros).await;
     }
 
-    /// Drops what came unasked, sends the packet, switches to receiving and, where the line echoes, takes the echo off.
+    /// Drops what came unasked, sends the packet, switches to receiving and, where the line echoes, takes the echo
+    /// off.
     ///
     /// # Errors
     /// [`BusError::Port`] when the port takes no bytes, fails, or does not get rid of them in time;

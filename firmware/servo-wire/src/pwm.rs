@@ -1,12 +1,13 @@
 //! Hobby servos on PWM channels as a [`ServoBus`]: a pulse of 500 to 2500 µs, 50 times a second.
 //!
-//! Goal units are microseconds of pulse. A servo is driven from its first goal on and only while its torque is on; else
-//! its line stays low, and it is limp. Nothing can be read back.
+//! Goal units are microseconds of pulse. A servo is driven from its first goal on and only while its torque is on;
+//! else its line stays low, and it is limp. Nothing can be read back.
 
 use crate::bus::{BusError, Goal, ServoBus};
 use embedded_hal::pwm::SetDutyCycle;
 
-/// Counts per second of a timer whose pulses are as long as they are told to the microsecond, and whose period fits 16 bits.
+/// Counts per second of a timer whose pulses are as long as they are told to the microsecond, and whose period fits
+/// 16 bits.
 pub const COUNTS_HZ: u32 = 2_500_000;
 
 /// How a timer that counts [`COUNTS_HZ`] gives a number of pulses a second.

@@ -6,12 +6,12 @@ use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::mclip::{Encoder, Encoding, Target, decode};
+use host_sim::files;
 use host_sim::plot::chart::Chart;
 use host_sim::rd::curve::Curve;
 use host_sim::rd::figure::{self, Figure};
 use host_sim::rd::sweep::{self, Point};
 use host_sim::rd::{self, Named, trace};
-use host_sim::{files, plot::png};
 use indicatif::{ProgressBar, ProgressStyle};
 use mocap::import;
 use mocap::metrics::{self, Evaluator};
@@ -335,6 +335,18 @@ fn curves(args: &Args, otherwise: &[CodecId]) -> Vec<Curve> {
     curves.into_iter().flat_map(with).collect()
 }
 
+/// A drawing as PNG.
+#[cfg(feature = "png")]
+fn pixels(svg: &str) -> Result<Vec<u8>> {
+    host_sim::plot::png::of_svg(svg)
+}
+
+/// A drawing as PNG, which a program without that library does not make.
+#[cfg(not(feature = "png"))]
+fn pixels(_: &str) -> Result<Vec<u8>> {
+    bail!("this bunraku was built without the feature png: build it with that, or write an SVG (--svg)")
+}
+
 /// Writes the pictures that were asked for.
 fn draw(args: &Args, chart: impl Fn() -> Chart) -> Result<()> {
     if args.svg.is_none() && args.png.is_none() {
@@ -345,7 +357,7 @@ fn draw(args: &Args, chart: impl Fn() -> Chart) -> Result<()> {
         files::write(path, |file| Ok(file.write_all(svg.as_bytes())?))?;
     }
     if let Some(path) = &args.png {
-        let png = png::of_svg(&svg)?;
+        let png = pixels(&svg)?;
         files::write(path, |file| Ok(file.write_all(&png)?))?;
     }
     Ok(())

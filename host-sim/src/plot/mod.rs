@@ -9,6 +9,7 @@ pub mod chart;
 pub mod flame;
 pub mod lines;
 pub mod page;
+#[cfg(feature = "png")]
 pub mod png;
 pub mod scale;
 pub mod scatter;

@@ -1,4 +1,5 @@
-//! What the live frames of Blender Servo Animation go to: a board with the add-on's Arduino library, without its servos.
+//! What the live frames of Blender Servo Animation go to: a board with the add-on's Arduino library, without its
+//! servos.
 
 use crate::config::ConfigError;
 use crate::virtual_bus::{Disturbance, Event, VirtualBus};

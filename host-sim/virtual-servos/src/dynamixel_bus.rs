@@ -28,8 +28,8 @@ impl DynamixelConfig {
     }
 }
 
-/// Virtual Dynamixel X on a bus. Baud rate and return delay time can be set but have no effect: a simulated line has no bit
-/// rate, and answers are there at once.
+/// Virtual Dynamixel X on a bus. Baud rate and return delay time can be set but have no effect: a simulated line has
+/// no bit rate, and answers are there at once.
 pub struct DynamixelServos {
     framer: Framer<LONGEST_PACKET>,
     group: ServoGroup<DynamixelServo>,
@@ -58,7 +58,8 @@ impl DynamixelServos {
         self.group.position(id)
     }
 
-    /// Lets time pass: servos move, watchdogs run. Never needed before [`receive`](VirtualBus::receive), which does it.
+    /// Lets time pass: servos move, watchdogs run. Never needed before [`receive`](VirtualBus::receive), which does
+    /// it.
     pub fn advance_to(&mut self, now_us: u64) {
         self.group.advance_to(now_us);
     }

@@ -8,8 +8,8 @@
 //! - [`serve`]: a bus on a pseudo terminal or a TCP port, in real time
 //! - [`uart`]: a bus as the UART of a client in the same program
 //!
-//! What a Dynamixel X does follows ROBOTIS' e-Manual ("DYNAMIXEL Protocol 2.0", "XM430-W350"). Where the manual is silent,
-//! the documentation of the function says what was chosen.
+//! What a Dynamixel X does follows ROBOTIS' e-Manual ("DYNAMIXEL Protocol 2.0", "XM430-W350"). Where the manual is
+//! silent, the documentation of the function says what was chosen.
 //!
 //! Not simulated: load, heat, supply, and the time that bytes take on a wire. Answers are there at once.
 //!

@@ -1,7 +1,7 @@
 //! The shaft: how it moves towards its goal.
 //!
-//! An ideal servo without load: it follows its profile exactly. Time runs in steps of 1 ms, so that the result does not
-//! depend on how often one asks.
+//! An ideal servo without load: it follows its profile exactly. Time runs in steps of 1 ms, so that the result does
+//! not depend on how often one asks.
 
 /// Seconds in a step.
 const STEP: f64 = 0.001;

@@ -1,7 +1,7 @@
 //! Virtual servos with the frame of protocol 1.0: Dynamixel AX and MX, Feetech STS and SCS.
 //!
-//! They move as fast as they can and never fail by themselves. A goal without torque is kept until torque comes on, so that a
-//! player which turns a servo on without telling it where it is sees it jump.
+//! They move as fast as they can and never fail by themselves. A goal without torque is kept until torque comes on,
+//! so that a player which turns a servo on without telling it where it is sees it jump.
 
 use crate::config::{ConfigError, ServoConfig, check};
 use crate::group::{ServoGroup, SimulatedServo};
@@ -17,7 +17,8 @@ const LONGEST: usize = 259;
 /// Microseconds in a step of the motion.
 const STEP_US: u64 = 1000;
 
-/// Error bits of a Dynamixel: the instruction is none, a parameter is out of range, the goal is beyond the angle limits.
+/// Error bits of a Dynamixel: the instruction is none, a parameter is out of range, the goal is beyond the angle
+/// limits.
 const BAD_INSTRUCTION: u8 = 1 << 6;
 const BAD_RANGE: u8 = 1 << 3;
 const BAD_ANGLE: u8 = 1 << 1;

@@ -1,7 +1,7 @@
 //! The control tables of servos that speak the frame of protocol 1.0.
 //!
-//! Sources: e-Manual, "AX-12A" and "MX-28" (protocol 1.0); Feetech, memory tables of "STS3215" and of the SCS series. What
-//! nothing here acts on (gains, torque limits, speeds) can be written and read, and has no effect.
+//! Sources: e-Manual, "AX-12A" and "MX-28" (protocol 1.0); Feetech, memory tables of "STS3215" and of the SCS
+//! series. What nothing here acts on (gains, torque limits, speeds) can be written and read, and has no effect.
 
 /// Registers that lie one behind the other: where, how many bytes each, what they are at first.
 pub(crate) struct Register {
@@ -40,8 +40,8 @@ pub(crate) struct Model {
     pub speed: f64,
     /// Whether numbers have their high byte first.
     pub big_endian: bool,
-    /// Whether it is one of Feetech's: it can be restarted, its error byte never says that it was asked wrongly, and goals
-    /// beyond its limits are brought to them.
+    /// Whether it is one of Feetech's: it can be restarted, its error byte never says that it was asked wrongly, and
+    /// goals beyond its limits are brought to them.
     pub feetech: bool,
     /// Whether several can be read at once.
     pub sync_read: bool,

@@ -76,8 +76,8 @@ impl Disturbance {
 
 /// Servos on one bus: bytes and the time go in, bytes come out.
 pub trait VirtualBus: Send {
-    /// Takes bytes that arrive at `now_us` (microseconds since power on, never going back), and returns what the servos
-    /// answer. `tap` is told of every goal position and every refusal, in order.
+    /// Takes bytes that arrive at `now_us` (microseconds since power on, never going back), and returns what the
+    /// servos answer. `tap` is told of every goal position and every refusal, in order.
     fn receive(&mut self, bytes: &[u8], now_us: u64, tap: &mut dyn FnMut(Event)) -> Vec<u8>;
 
     /// Has something happen at `at_us`, or as soon as time passes where that is over.

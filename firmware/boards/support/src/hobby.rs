@@ -2,7 +2,7 @@
 
 use core::convert::Infallible;
 use embassy_time::Delay;
-use embedded_hal::pwm;
+use embedded_hal::pwm::{self, SetDutyCycle};
 use embedded_hal_async::i2c::{self, I2c};
 use firmware::bus::{BoardBuses, PuppetBus};
 use firmware::map::{BusKind, JointMap, MAX_SERVOS};

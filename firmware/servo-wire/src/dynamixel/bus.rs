@@ -10,8 +10,7 @@ use super::table::{
     BUS_WATCHDOG, GOAL_POSITION, HARDWARE_ERROR_STATUS, INDIRECT_DATA, PRESENT_CURRENT,
     PRESENT_INPUT_VOLTAGE, PRESENT_POSITION, PRESENT_TEMPERATURE, Register, TORQUE_ENABLE,
 };
-use crate::bus::MAX_SERVOS;
-use crate::bus::{BusError, ERROR_ALERT, ERROR_WATCHDOG, Goal, Reading, ServoBus};
+use crate::bus::{BusError, ERROR_ALERT, ERROR_WATCHDOG, Goal, MAX_SERVOS, Reading, ServoBus};
 use crate::port::LineConfig;
 use crate::read_schedule::{AnswerOrder, PROBE_EXCHANGES, ReadSchedule, SET_UP_EXCHANGES, ServoReader};
 use embedded_hal::digital::OutputPin;
@@ -53,8 +52,8 @@ const ADDRESSES: [u16; BLOCK_LEN] = {
 /// Milliseconds that the servo's watchdog counts in.
 const WATCHDOG_UNIT_MS: u16 = 20;
 
-/// Bytes on the wire of a tick of this many servos: the Sync Write of their goals and the Fast Sync Read of their state with
-/// its answer, without stuffing, which adds a byte wherever a goal or a list of ids holds `FF FF FD`.
+/// Bytes on the wire of a tick of this many servos: the Sync Write of their goals and the Fast Sync Read of their
+/// state with its answer, without stuffing, which adds a byte wherever a goal or a list of ids holds `FF FF FD`.
 #[must_use]
 pub const fn tick_bytes(servos: usize) -> usize {
     const GOAL_LEN: usize = GOAL_POSITION.len as usize;
@@ -111,8 +110,9 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelBus<U, 
         line.exchange_limit_us(goal_positions_len(servos), 0, 0)
     }
 
-    /// Longest time in microseconds that [`read_all`](ServoBus::read_all) takes: two joint reads and three exchanges with
-    /// one servo, in a tick in which a servo falls silent; or one joint read and eight exchanges, when servos come back.
+    /// Longest time in microseconds that [`read_all`](ServoBus::read_all) takes: two joint reads and three exchanges
+    /// with one servo, in a tick in which a servo falls silent; or one joint read and eight exchanges, when servos
+    /// come back.
     #[must_use]
     pub const fn read_limit_us(line: &LineConfig, servos: usize) -> u32 {
         let answers = servos.saturating_mul(max_packet_len(1 + BLOCK_LEN));

@@ -1,9 +1,9 @@
-//! The checksum of protocol 2.0: CRC-16, polynomial 0x8005, start value 0, not reflected (e-Manual, "CRC"; the catalogue's
-//! CRC-16/UMTS).
+//! The checksum of protocol 2.0: CRC-16, polynomial 0x8005, start value 0, not reflected (e-Manual, "CRC"; the
+//! catalogue's CRC-16/UMTS).
 //!
 //! Every byte on the bus passes through it, so it takes two at a time: the checksum of a byte with 8 zeros behind it,
-//! and of one with 16, are in tables (Kounavis and Berry 2005, "slicing"). On a Cortex-M4 that is 7 cycles a byte where a table
-//! for one byte at a time takes 13; the second table is 512 bytes of flash.
+//! and of one with 16, are in tables (Kounavis and Berry 2005, "slicing"). On a Cortex-M4 that is 7 cycles a byte
+//! where a table for one byte at a time takes 13; the second table is 512 bytes of flash.
 
 const POLYNOMIAL: u16 = 0x8005;
 

@@ -2,8 +2,7 @@
 
 use super::client::Protocol1Client;
 use super::packet::OVERHEAD;
-use crate::bus::MAX_SERVOS;
-use crate::bus::{BusError, ERROR_HEAT, ERROR_OVERLOAD, ERROR_VOLTAGE, Goal, Reading, ServoBus};
+use crate::bus::{BusError, ERROR_HEAT, ERROR_OVERLOAD, ERROR_VOLTAGE, Goal, MAX_SERVOS, Reading, ServoBus};
 use crate::port::LineConfig;
 use crate::read_schedule::{PROBE_EXCHANGES, ReadSchedule, ServoReader};
 use embedded_hal::digital::OutputPin;

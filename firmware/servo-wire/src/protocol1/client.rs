@@ -1,10 +1,11 @@
 //! A client of protocol 1.0: one instruction out, its answers back.
 //!
-//! Each method is one exchange and returns within [`LineConfig::exchange_limit_us`](crate::port::LineConfig). Servos must answer
-//! everything (Status Return Level 2 of Dynamixel servos, 1 of Feetech ones, as from the factory).
+//! Each method is one exchange and returns within [`LineConfig::exchange_limit_us`](crate::port::LineConfig). Servos
+//! must answer everything (Status Return Level 2 of Dynamixel servos, 1 of Feetech ones, as from the factory).
 //!
-//! An answer looks like an instruction. Where the port hears itself and [`LineConfig::echo`](crate::port::LineConfig) is not set,
-//! a ping is answered by its own echo; everything else is not taken for an answer, having another length.
+//! An answer looks like an instruction. Where the port hears itself and
+//! [`LineConfig::echo`](crate::port::LineConfig) is not set, a ping is answered by its own echo; everything else is
+//! not taken for an answer, having another length.
 
 use super::packet::{BROADCAST_ID, Framer, Instruction, OVERHEAD, Packet, write};
 use crate::bus::BusError;
@@ -112,9 +113,9 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Protocol1Client<
         self.send(BROADCAST_ID, Instruction::SyncWrite, &[&[address, LEN as u8], &entries]).await
     }
 
-    /// Sync Read of Feetech STS and SMS servos: `len` bytes from `address` on of each of `ids` (each once). Calls `each` with
-    /// the place in `ids`, the error byte and the bytes, as they come; servos that keep silent are left out, and one that
-    /// answers twice, which may be two of one id, is given twice. Returns how many answered.
+    /// Sync Read of Feetech STS and SMS servos: `len` bytes from `address` on of each of `ids` (each once). Calls
+    /// `each` with the place in `ids`, the error byte and the bytes, as they come; servos that keep silent are left
+    /// out, and one that answers twice, which may be two of one id, is given twice. Returns how many answered.
     ///
     /// # Errors
     /// Why, when none answered; [`BusError::TooMany`] when a packet would be longer than `N`.

@@ -1,8 +1,8 @@
 //! One packet: `FF FF`, id, length, instruction (of an answer: error), parameters, checksum.
 //!
-//! Length counts from the instruction to the checksum; the checksum is the complement of the sum of all bytes from id to
-//! the last parameter. Nothing is stuffed, so a header may appear inside a packet; the id is never `FF`, which tells a
-//! longer run of `FF` from a header.
+//! Length counts from the instruction to the checksum; the checksum is the complement of the sum of all bytes from
+//! id to the last parameter. Nothing is stuffed, so a header may appear inside a packet; the id is never `FF`, which
+//! tells a longer run of `FF` from a header.
 
 use crate::bus::BusError;
 use crate::receive_buffer::{ReceiveBuffer, Span};
@@ -81,8 +81,8 @@ pub fn write<'b>(buffer: &'b mut [u8], id: u8, code: u8, parts: &[&[u8]]) -> Res
 
 /// Finds packets in a stream, keeping at most `N` bytes.
 ///
-/// A length that came over the wire only says how long to wait: where the checksum does not match, only a byte is given
-/// up and the rest is searched again.
+/// A length that came over the wire only says how long to wait: where the checksum does not match, only a byte is
+/// given up and the rest is searched again.
 #[derive(Debug)]
 pub struct Framer<const N: usize> {
     received: ReceiveBuffer<N>,
@@ -123,8 +123,8 @@ impl<const N: usize> Framer<N> {
         }
     }
 
-    /// As [`feed`](Self::feed) without input, when no byte will follow: packets that are not complete are given up. Call
-    /// until `None`; the framer is then empty.
+    /// As [`feed`](Self::feed) without input, when no byte will follow: packets that are not complete are given up.
+    /// Call until `None`; the framer is then empty.
     pub fn flush(&mut self) -> Option<Packet<'_>> {
         let span = self.scan(true)?;
         self.packet(span)

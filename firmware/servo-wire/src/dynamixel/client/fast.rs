@@ -1,11 +1,12 @@
 //! Fast Sync Read and Fast Bulk Read: all servos answer in one joint packet.
 //!
-//! `FF FF FD 00 FE`, length, `55`, then for each servo in the order asked: error, id, data, checksum. Each checksum covers
-//! all bytes before it, earlier checksums included; nothing is stuffed (e-Manual, "Fast Sync Read"). A checksum is all
-//! that the next one needs of what is before, so each part can be checked from the one before it: bytes that were
-//! hit cost their own servo's answer, and a hit checksum the next one's too.
+//! `FF FF FD 00 FE`, length, `55`, then for each servo in the order asked: error, id, data, checksum. Each checksum
+//! covers all bytes before it, earlier checksums included; nothing is stuffed (e-Manual, "Fast Sync Read"). A
+//! checksum is all that the next one needs of what is before, so each part can be checked from the one before it:
+//! bytes that were hit cost their own servo's answer, and a hit checksum the next one's too.
 
-use super::{Answer, BulkItem, DynamixelClient};
+use super::group::BulkItem;
+use super::single::{Answer, DynamixelClient};
 use crate::bus::BusError;
 use crate::dynamixel::crc;
 use crate::dynamixel::instruction::{ALERT, BROADCAST_ID, Instruction};

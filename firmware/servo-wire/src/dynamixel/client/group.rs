@@ -1,6 +1,6 @@
 //! Instructions to many servos at once: Sync and Bulk.
 
-use super::{Answer, DynamixelClient, Seen, answer_of};
+use super::single::{Answer, DynamixelClient, Seen, answer_of};
 use crate::bus::BusError;
 use crate::dynamixel::instruction::{BROADCAST_ID, Instruction};
 use crate::dynamixel::packet::{PacketWriter, max_packet_len};
@@ -48,9 +48,9 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelClient<
         self.port.send(writer.finish()?).await
     }
 
-    /// Sync Read: `len` bytes from `address` on of each of `ids` (each once). Calls `each` with the place in `ids` and the
-    /// answer as it comes; servos that keep silent, refuse or are garbled are left out. A servo that answers twice, which
-    /// may be two of one id, is given twice. Returns how many answered.
+    /// Sync Read: `len` bytes from `address` on of each of `ids` (each once). Calls `each` with the place in `ids`
+    /// and the answer as it comes; servos that keep silent, refuse or are garbled are left out. A servo that answers
+    /// twice, which may be two of one id, is given twice. Returns how many answered.
     ///
     /// # Errors
     /// Why, when none answered; [`BusError::TooMany`] when a packet would be longer than `N`.
