@@ -183,7 +183,7 @@ pub fn repair(bytes: &mut [u8]) {
 }
 
 fn block_buffer(header: &Header<'_>) -> Vec<u8> {
-    vec![0; usize::from(header.opening().block_bytes).max(BLOCK_HEADER_BYTES)]
+    vec![0; usize::from(header.fields().block_bytes).max(BLOCK_HEADER_BYTES)]
 }
 
 fn words(pose: &[I16F16]) -> Frame {

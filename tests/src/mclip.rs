@@ -72,7 +72,7 @@ pub fn sha256_of_stream(bytes: &[u8], size: usize) -> Result<String, Error> {
     }
     let header = receiver.finish(MCLIP_LIMITS)?;
     let mut memory = OwnedMemory::new(header.needs());
-    let mut block = vec![0; usize::from(header.opening().block_bytes).max(12)];
+    let mut block = vec![0; usize::from(header.fields().block_bytes).max(12)];
     let mut stream = Stream::new(header, memory.lend(), &mut block)?;
     let mut sha = Sha256::new();
     loop {

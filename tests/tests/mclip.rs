@@ -131,7 +131,7 @@ fn a_stream_goes_on_at_the_next_entry_point_after_a_loss() {
     let mut chunk = sound.as_slice();
     assert!(receiver.receive(&mut chunk).unwrap());
     let header = receiver.finish(MCLIP_LIMITS).unwrap();
-    let mut block = vec![0; usize::from(header.opening().block_bytes)];
+    let mut block = vec![0; usize::from(header.fields().block_bytes)];
     let mut stream = Stream::new(header, memory.lend(), &mut block).unwrap();
     // The first block is lost on the way; the second one is no entry point.
     let mut rest = &sound[blocks[1]..];

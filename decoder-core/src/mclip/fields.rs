@@ -24,6 +24,7 @@ pub fn digest() -> Digest<'static, u32> {
 }
 
 /// The CRC-32 (ISO-HDLC: that of zlib and PNG) of two slices, one after the other.
+#[inline(never)]
 pub fn checksum(first: &[u8], second: &[u8]) -> u32 {
     let mut digest = digest();
     digest.update(first);

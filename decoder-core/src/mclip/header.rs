@@ -90,11 +90,6 @@ impl<'a> Header<'a> {
         &self.fields
     }
 
-    /// [`fields`](Self::fields).
-    pub const fn opening(&self) -> &HeaderFields<'a> {
-        &self.fields
-    }
-
     /// The codec and its parameters.
     pub const fn codec(&self) -> &LinkedCodec<'a> {
         &self.codec

@@ -32,7 +32,6 @@ pub use bounds::BlockBounds;
 pub use clip::Clip;
 pub use decoder::{ClipDecoder, Decoder};
 pub use entries::EntryPoint;
-pub use fields::HeaderFields as Opening;
 pub use fields::{HeaderFields, MAGIC, PREFIX_BYTES, Prefix, VERSION, checksum, digest};
 pub use header::Header;
 pub use record::{Packing, Packings, Records, emit_names, emit_records};

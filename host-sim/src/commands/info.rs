@@ -72,8 +72,8 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
         mclip::Clip::parse(bytes, Limits::MAX).with_context(|| format!("{name} is not a sound mclip"))?;
     // Decodes all of it, so that every checksum is looked at.
     let motion = encoder::mclip::decode(bytes).with_context(|| format!("{name} is not a sound mclip"))?;
-    let (header, opening) = (clip.header(), clip.header().opening());
-    let fps = f64::from(opening.rate_numerator) / f64::from(opening.rate_denominator);
+    let (header, fields) = (clip.header(), clip.header().fields());
+    let fps = f64::from(fields.rate_numerator) / f64::from(fields.rate_denominator);
     let (codec, entropy) = (header.codec().id().name(), header.entropy().name());
     let seconds = f64::from(clip.frames()) / fps;
     let rate = bytes.len() as f64 * 8.0 / seconds;
@@ -83,7 +83,7 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)))
     };
     let unit = |kind: ChannelKind| if kind.is_rotation() { "degrees" } else { "cm" };
-    let cycles: Vec<(String, u32)> = opening
+    let cycles: Vec<(String, u32)> = fields
         .cycles
         .as_chunks::<5>()
         .0
@@ -111,28 +111,28 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
         let report = serde_json::json!({
             "container": "mclip", "codec": codec, "entropy": entropy, "bytes": bytes.len(),
             "header_bytes": clip.header_bytes(), "frames": clip.frames(), "fps": fps, "bits_per_s": rate,
-            "blocks": clip.block_count(), "entries": clip.entry_count(), "block_bytes": opening.block_bytes,
-            "ram": opening.ram, "delay": opening.delay, "parameter_bytes": opening.parameters.len(),
-            "table_bytes": opening.tables.len(), "cycles": cycles, "channels": channels,
+            "blocks": clip.block_count(), "entries": clip.entry_count(), "block_bytes": fields.block_bytes,
+            "ram": fields.ram, "delay": fields.delay, "parameter_bytes": fields.parameters.len(),
+            "table_bytes": fields.tables.len(), "cycles": cycles, "channels": channels,
         });
         println!("{report:#}");
         return Ok(ExitCode::SUCCESS);
     }
     println!("{name}: mclip, {codec} in {entropy} codes, {} bytes, {rate:.0} bits/s", bytes.len());
-    println!("  {} frames at {fps} fps, {seconds:.2} s; delay {} frames", clip.frames(), opening.delay);
+    println!("  {} frames at {fps} fps, {seconds:.2} s; delay {} frames", clip.frames(), fields.delay);
     println!(
         "  header {} bytes, of which {} code tables and {} parameters of the codec",
         clip.header_bytes(),
-        opening.tables.len(),
-        opening.parameters.len()
+        fields.tables.len(),
+        fields.parameters.len()
     );
     println!(
         "  {} blocks of up to {} bytes, {} of them entry points",
         clip.block_count(),
-        opening.block_bytes,
+        fields.block_bytes,
         clip.entry_count()
     );
-    println!("  a decoder needs {} bytes of memory", opening.ram);
+    println!("  a decoder needs {} bytes of memory", fields.ram);
     for (core, cycles) in &cycles {
         println!("  at most {cycles} cycles a frame on {core}");
     }
