@@ -82,8 +82,9 @@ fn mclip_in_place() {
             decoder.rewind();
             assert_eq!(decoder.position(), 0);
         }
-        let mut index = vec![EntryPoint::EMPTY; clip.entry_count() as usize];
-        let indexed = clip.with_index(&mut index).unwrap();
+        // Memory for half of the entry points: every second one is in the index.
+        let mut index = vec![EntryPoint::EMPTY; clip.entry_count().div_ceil(2) as usize];
+        let indexed = clip.with_index(&mut index);
         let mut other = Heap::new(clip.header().needs());
         let mut by_index = indexed.decoder(other.memory()).unwrap();
         // The golden ratio visits the clip in jumps both ways.
@@ -156,10 +157,7 @@ fn an_index_has_the_entry_points_of_the_clip() {
         let clip = mclip::Clip::parse(&bytes, LIMITS).unwrap();
         let needed = clip.entry_count() as usize;
         let mut memory = vec![EntryPoint { first_frame: 9, at: 9 }; needed];
-        let lent = needed - 1;
-        let error = Error::OutputTooSmall { field: Field::Entry, needed, lent };
-        assert_eq!(clip.with_index(&mut memory[..lent]).unwrap_err(), error, "{name}");
-        clip.with_index(&mut memory).unwrap();
+        let _ = clip.with_index(&mut memory);
         let blocks = clip.blocks().map(Result::unwrap);
         let entries = blocks.filter(|block| block.header.entry);
         let expected =

@@ -28,7 +28,7 @@ pub(super) fn find<T: Iterator<Item = Extent>>(
     let gap = |from: u32| {
         taken().fold(layout.clips.end.saturating_sub(from), |gap, extent| {
             if extent.at >= from {
-                gap.min(extent.at - from)
+                gap.min(extent.at.saturating_sub(from))
             } else if end(extent) > from {
                 0
             } else {

@@ -35,8 +35,8 @@ fn main() -> ! {
     // a word. At the beginning of one, an M4 takes 0.3 cycles a frame more, for its branches to 32-bit instructions.
     halfword();
     let mut ram = SpareRam::new();
-    let pose = ram.lend(CHANNELS.elements());
-    let mut opened = open(CLIP.bytes(), pose, ram.lend(TABLE.elements()));
+    let pose = ram.lend(CHANNELS.get());
+    let mut opened = open(CLIP.bytes(), pose, ram.lend(TABLE.get()));
     let Ok(decoder) = &mut opened else { failed() };
     while let Some(pose) = decode_frame(decoder) {
         black_box(pose);

@@ -30,19 +30,14 @@ impl File {
 
 /// A number in flash.
 #[repr(transparent)]
-pub struct Number(u32);
+pub struct Number(usize);
 
 impl Number {
     /// None yet.
     pub const NONE: Self = Self(0);
 
     /// It.
-    pub fn get(&'static self) -> u32 {
+    pub fn get(&'static self) -> usize {
         black_box(self).0
-    }
-
-    /// It, as a number of elements.
-    pub fn elements(&'static self) -> usize {
-        self.get() as usize
     }
 }

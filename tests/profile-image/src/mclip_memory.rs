@@ -25,9 +25,9 @@ static HALVES: Number = Number::NONE;
 pub fn memory() -> Memory<'static> {
     let mut ram = SpareRam::new();
     Memory {
-        pose: ram.lend(CHANNELS.elements()),
-        states: ram.lend(CHANNELS.elements()),
-        words: ram.lend(WORDS.elements()),
-        halves: ram.lend(HALVES.elements()),
+        pose: ram.lend(CHANNELS.get()),
+        states: ram.lend(CHANNELS.get()),
+        words: ram.lend(WORDS.get()),
+        halves: ram.lend(HALVES.get()),
     }
 }

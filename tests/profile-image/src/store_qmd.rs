@@ -22,7 +22,7 @@ pub type Decoder = qmd::Decoder<'static, 'static>;
 pub fn decoder() -> Result<(Decoder, u16), Error> {
     let clip = qmd::Clip::parse(CLIP.bytes(), Limits::MAX)?;
     let mut ram = SpareRam::new();
-    let pose = ram.lend(CHANNELS.elements());
-    let table = if cfg!(feature = "no-table") { None } else { Some(ram.lend(TABLE.elements())) };
+    let pose = ram.lend(CHANNELS.get());
+    let table = if cfg!(feature = "no-table") { None } else { Some(ram.lend(TABLE.get())) };
     Ok((clip.decoder(pose, table)?, clip.rate_centihertz()))
 }

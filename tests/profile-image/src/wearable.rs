@@ -49,7 +49,7 @@ fn main() -> ! {
     let Ok(mut wearable) = Wearable::new(decoder, &map, output_hz) else { failed() };
     let mut syst = core.SYST;
     syst.set_clock_source(SystClkSource::Core);
-    syst.set_reload(CLOCK_HZ.get() / u32::from(output_hz) - 1);
+    syst.set_reload(CLOCK_HZ.get() as u32 / u32::from(output_hz) - 1);
     syst.clear_current();
     syst.enable_counter();
     syst.enable_interrupt();
