@@ -4,7 +4,7 @@
 use crate::common::{Heap, LIMITS, Vector, block_buffer, vectors};
 use decoder_core::mclip::{self, EntryPoint, Receiver};
 use decoder_core::qmd::{self, MAX_INDEX_BITS};
-use decoder_core::{Error, Field, I16F16};
+use decoder_core::{Error, I16F16};
 use sha2::{Digest, Sha256};
 
 /// Chunks to stream in.
