@@ -36,6 +36,8 @@
 //! - [`bits`], [`word`] and [`arithmetic`] are what all others stand on.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
+// Without some codecs and stages, parts of what they share have no user.
+#![cfg_attr(not(feature = "default"), allow(dead_code, unused_imports, unused_variables))]
 #![cfg_attr(
     not(test),
     deny(

@@ -1,5 +1,6 @@
 //! The buses of a puppet out of what a board has.
 
+use crate::collect::numbered;
 use crate::map::{BusKind, JointMap, MAX_BUSES};
 use core::fmt;
 use heapless::Vec;
@@ -55,14 +56,14 @@ impl<S: ServoBus, I: ServoBus, P: ServoBus> BoardBuses<S, I, P> {
     pub fn of_map<const N: usize>(self, map: &JointMap<N>) -> Result<PuppetBus<S, I, P>, MissingBus> {
         let Self { mut serial, mut pca9685, mut pwm } = self;
         let mut buses = Vec::new();
-        for (index, bus) in (0..).zip(map.buses()) {
+        for (index, bus) in numbered(map.buses()) {
             let found = match bus.kind {
                 BusKind::Pca9685 => pca9685.take().map(BoardBus::Pca9685),
                 BusKind::Pwm => pwm.take().map(BoardBus::Pwm),
                 kind => serial.take_if(|(there, _)| *there == kind).map(|(_, bus)| BoardBus::Serial(bus)),
             };
             // A map has no more buses than there is room for.
-            let _ = buses.push((found.ok_or(MissingBus(bus.kind))?, map.on_bus(index).len()));
+            let _ = buses.push((found.ok_or(MissingBus(bus.kind))?, map.on_bus(index as u8).len()));
         }
         Ok(JoinedBuses::new(buses))
     }

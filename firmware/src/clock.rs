@@ -1,9 +1,20 @@
 //! From the clip's rate to the servos' tick, in integers, without drift.
 
 use crate::interpolate::Fraction;
+use crate::limits::clamp;
 
 /// Most ticks per second. A servo bus does not carry more.
 pub const MAX_TICK_HZ: u16 = 1000;
+
+/// Most frames of a clip in a tick, at the clip's own speed. A tick decodes up to four times as many at [`Speed::FASTEST`], and a
+/// sixteenth more after an outside clock.
+pub const MAX_FRAMES_PER_TICK: u16 = 16;
+
+/// Whether ticks are fast enough for a clip of `clip_centihertz` hundredths of a frame per second, so that what a tick decodes is
+/// bounded.
+pub const fn keeps_up(clip_centihertz: u16, tick_hz: u16) -> bool {
+    clip_centihertz as u32 <= (tick_hz as u32).saturating_mul(100).saturating_mul(MAX_FRAMES_PER_TICK as u32)
+}
 
 /// How fast a clip is played, in 1/256 of its own speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -84,24 +95,26 @@ impl Clock {
     /// ticks per second (1 to [`MAX_TICK_HZ`]; the joint map checks that).
     pub const fn new(clip_centihertz: u16, tick_hz: u16) -> Self {
         debug_assert!(tick_hz > 0 && tick_hz <= MAX_TICK_HZ);
-        Self { phase: 0, clip_centihertz, tick_parts: tick_hz as u32 * 100 * 256, behind: 0 }
+        Self { phase: 0, clip_centihertz, tick_parts: (tick_hz as u32).wrapping_mul(100 * 256), behind: 0 }
     }
 
     /// Goes on by one tick. [`frame_passed`](Self::frame_passed) then tells the frames that went by.
     pub fn tick(&mut self, speed: Speed) {
-        let advance = u32::from(self.clip_centihertz) * u32::from(speed.0);
+        // At most 2²⁶, and the phase before it less than 2²⁵.
+        let advance = u32::from(self.clip_centihertz).wrapping_mul(speed.0.into());
         let most = (advance >> FOLLOW_SHIFT) as i32;
-        let correction = self.behind.clamp(-most, most);
-        self.behind -= correction;
-        self.phase += advance.saturating_add_signed(correction);
+        let correction = clamp(self.behind, most.wrapping_neg(), most);
+        self.behind = self.behind.wrapping_sub(correction);
+        self.phase = self.phase.wrapping_add(advance.saturating_add_signed(correction));
     }
 
-    /// Whether another frame has gone by; asks until it says no, at most 2,800 times a tick.
+    /// Whether another frame has gone by; asks until it says no: for a clip that [`keeps_up`] at
+    /// most 69 times a tick.
     pub const fn frame_passed(&mut self) -> bool {
         if self.phase < self.tick_parts {
             return false;
         }
-        self.phase -= self.tick_parts;
+        self.phase = self.phase.wrapping_sub(self.tick_parts);
         true
     }
 
@@ -121,9 +134,10 @@ impl Clock {
     /// Returns false where the distance is beyond what a second can work off: the caller then rather seeks.
     pub const fn follow(&mut self, frames: i32, fraction: u16) -> bool {
         let parts = self.tick_parts as i64;
-        let behind = frames as i64 * parts + ((fraction as i64 * parts) >> 16);
-        let second = (self.clip_centihertz as i64 * (parts / 100)) >> FOLLOW_SHIFT;
-        if behind > second || behind < -second {
+        let behind =
+            (frames as i64).wrapping_mul(parts).wrapping_add((fraction as i64).wrapping_mul(parts) >> 16);
+        let second = (self.clip_centihertz as i64).wrapping_mul(parts / 100) >> FOLLOW_SHIFT;
+        if behind > second || behind < second.wrapping_neg() {
             return false;
         }
         self.behind = behind as i32;
@@ -132,7 +146,10 @@ impl Clock {
 
     /// The position in the frame, in 1/65536.
     pub const fn phase(&self) -> u16 {
-        (((self.phase as u64) << 16) / self.tick_parts as u64) as u16
+        match ((self.phase as u64) << 16).checked_div(self.tick_parts as u64) {
+            Some(phase) => phase as u16,
+            None => 0,
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Carries out a machine's plans on a servo bus, tick by tick.
 
+use crate::collect::collect;
 use crate::fault::Feedback;
 use crate::library::Library;
 use crate::machine::{Action, Machine, State};
@@ -35,8 +36,8 @@ where
     B: ServoBus,
     S: Surroundings<L, N>,
 {
-    let ids: Vec<u8, N> = machine.map().joints().iter().map(|joint| joint.id).collect();
-    let mut readings: Vec<Option<Reading>, N> = ids.iter().map(|_| None).collect();
+    let ids: Vec<u8, N> = collect(machine.map().joints().iter().map(|joint| joint.id));
+    let mut readings: Vec<Option<Reading>, N> = collect(ids.iter().map(|_| None));
     let (mut sent, mut acted, mut tick) = (Ok(()), None, 0);
     loop {
         let late = surroundings.wait(tick).await;

@@ -5,6 +5,7 @@
 //! in which it is read: where more steps are needed with [`Response::Again`].
 
 use crate::clips::Clips;
+use crate::collect::{collect, numbered};
 use crate::fault::Feedback;
 use crate::library::LIVE;
 use crate::link::message::{
@@ -14,7 +15,6 @@ use crate::link::message::{
 use crate::link::session::Session;
 use crate::machine::{Command, Machine};
 use crate::store::{MappedFlash, Name, Status, Store, StoreError};
-use heapless::Vec;
 
 /// What a device says of itself.
 #[derive(Clone, Debug)]
@@ -266,10 +266,11 @@ impl Device {
         let stream = Streaming { progress: live.progress(), counters: live.counters() };
         let playing = machine.mixer().position();
         let servos = machine.goals().iter().zip(feedback.readings);
-        let servos: Vec<_, _> = servos
-            .map(|(goal, reading)| ServoInfo { id: goal.id, goal: goal.position, reading: *reading })
-            .take(crate::map::MAX_SERVOS)
-            .collect();
+        let servos = collect(servos.map(|(goal, reading)| ServoInfo {
+            id: goal.id,
+            goal: goal.position,
+            reading: *reading,
+        }));
         Telemetry {
             millis: self.millis,
             state: machine.state(),
@@ -326,12 +327,12 @@ fn info<F: MappedFlash>(clips: &mut Clips<'_, '_, F>, index: u16) -> Option<Clip
                 let (clip, name, bytes, crc) = (entry.clip, entry.name, entry.bytes, entry.crc);
                 return Some(ClipInfo { clip, name, bytes, crc, built_in: false });
             }
-            count += 1;
+            count = count.saturating_add(1);
         }
     }
     let hidden =
         |clips: &mut Clips<'_, '_, F>, clip| clips.store().is_some_and(|store| store.entry(clip).is_some());
-    for (clip, bytes) in (0..).zip(linked) {
+    for (clip, bytes) in numbered(linked).map(|(clip, bytes)| (clip as u16, bytes)) {
         if hidden(clips, clip) {
             continue;
         }
@@ -341,7 +342,7 @@ fn info<F: MappedFlash>(clips: &mut Clips<'_, '_, F>, index: u16) -> Option<Clip
             let bytes = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
             return Some(ClipInfo { clip, name, bytes, crc, built_in: true });
         }
-        count += 1;
+        count = count.saturating_add(1);
     }
     None
 }

@@ -3,6 +3,7 @@
 //! A fault latches: the puppet stays in the state that its [`Policy`](crate::map::Policy) names until someone
 //! acknowledges. docs/SAFETY.md lists each with the time that it takes and the test that shows it.
 
+use crate::collect::{collect, numbered};
 use crate::map::Settings;
 use core::fmt;
 use decoder_core::Error;
@@ -141,8 +142,8 @@ pub struct FaultDetector<const N: usize> {
 impl<const N: usize> FaultDetector<N> {
     /// Nothing has been wrong with `servos` servos.
     pub fn new(settings: &Settings, servos: usize) -> Self {
-        let none = || core::iter::repeat_n(0, servos).collect();
-        let ticks = u32::from(PATIENCE_MILLIS) * u32::from(settings.tick_hz) / 1000;
+        let none = || collect((0..servos).map(|_| 0));
+        let ticks = u32::from(PATIENCE_MILLIS).saturating_mul(settings.tick_hz.into()) / 1000;
         Self {
             patience: ticks.clamp(1, 60) as u8,
             silent: none(),
@@ -209,7 +210,7 @@ impl<const N: usize> FaultDetector<N> {
         };
         let limit = if settings.temperature_limit > 0 { settings.temperature_limit } else { u8::MAX };
         let counts = self.silent.iter_mut().zip(&mut self.low);
-        for (index, ((silent, low), reading)) in counts.zip(feedback.readings).enumerate() {
+        for (index, ((silent, low), reading)) in numbered(counts.zip(feedback.readings)) {
             let servo = index as u8;
             let found = if let Some(reading) = reading {
                 *silent = 0;

@@ -4,6 +4,7 @@
 //! ([`goal_map`]). So all that holds for clips holds here: servos are found, turned on where they are, and eased to the first pose; range,
 //! velocity and acceleration are limited behind whatever comes.
 
+use crate::collect::{collect, numbered};
 use crate::frames::Frames;
 use crate::map::{Joint, JointMap, MapError};
 use core::cell::RefCell;
@@ -16,9 +17,10 @@ use servo_wire::blender::Parser;
 /// # Errors
 /// None that a map does not have already.
 pub fn goal_map<const N: usize>(map: &JointMap<N>) -> Result<JointMap<N>, MapError> {
-    let joints = map.joints().iter().zip(0..);
-    let joints = joints.map(|(joint, channel)| Joint { channel, scale: I16F16::ONE, ..*joint });
-    JointMap::new(*map.settings(), map.buses().iter().copied().collect(), joints.collect())
+    let joints = numbered(map.joints());
+    let joints =
+        joints.map(|(channel, joint)| Joint { channel: channel as u16, scale: I16F16::ONE, ..*joint });
+    JointMap::new(*map.settings(), collect(map.buses().iter().copied()), collect(joints))
 }
 
 /// What has come so far.
@@ -47,13 +49,14 @@ pub struct Follow<'m, const N: usize> {
     map: &'m JointMap<N>,
     /// Ticks of silence after which the one who sends is gone; 0: never.
     patience: u32,
+    /// Nothing here borrows it twice; but a panic would be worse than a frame that is left out.
     state: RefCell<State<N>>,
 }
 
 impl<'m, const N: usize> Follow<'m, N> {
     /// Before the first frame. `map` is that of the player, from [`goal_map`]. `lost_millis`: see [`tick`](Self::tick).
     pub fn new(map: &'m JointMap<N>, lost_millis: u16) -> Self {
-        let pose = map.joints().iter().map(|joint| value(joint, joint.home)).collect();
+        let pose = collect(map.joints().iter().map(|joint| value(joint, joint.home)));
         let state =
             State { parser: Parser::new(), pose, counters: Counters::default(), silent: 0, lost: false };
         Self { map, patience: map.settings().ticks(lost_millis), state: RefCell::new(state) }
@@ -62,7 +65,8 @@ impl<'m, const N: usize> Follow<'m, N> {
     /// Takes bytes of the line, cut as they come. A frame goes to every servo that has its id. What is no frame is skipped; there is
     /// no checksum, so noise may be taken for a frame, which limits make harmless.
     pub fn feed(&self, bytes: &[u8]) {
-        let State { parser, pose, counters, silent, .. } = &mut *self.state.borrow_mut();
+        let Ok(mut state) = self.state.try_borrow_mut() else { return };
+        let State { parser, pose, counters, silent, .. } = &mut *state;
         for goal in bytes.iter().filter_map(|&byte| parser.feed(byte)) {
             let mut known = false;
             for (joint, slot) in self.map.joints().iter().zip(pose.iter_mut()) {
@@ -82,7 +86,8 @@ impl<'m, const N: usize> Follow<'m, N> {
     /// A tick goes by. True once: in the tick in which there has been no frame for `lost_millis`, and there was one before; the
     /// player is then to be told [`Command::LinkLost`](crate::machine::Command::LinkLost).
     pub fn tick(&self) -> bool {
-        let State { counters, silent, lost, .. } = &mut *self.state.borrow_mut();
+        let Ok(mut state) = self.state.try_borrow_mut() else { return false };
+        let State { counters, silent, lost, .. } = &mut *state;
         if counters.frames == 0 || self.patience == 0 || *lost {
             return false;
         }
@@ -93,7 +98,7 @@ impl<'m, const N: usize> Follow<'m, N> {
 
     /// What has come so far.
     pub fn counters(&self) -> Counters {
-        self.state.borrow().counters
+        self.state.try_borrow().map(|state| state.counters).unwrap_or_default()
     }
 
     /// The pose as a clip without an end. It begins with the first frame that comes; joints of which none has come are at home.
@@ -104,7 +109,7 @@ impl<'m, const N: usize> Follow<'m, N> {
 
 /// A goal within a joint's range, counted from its zero.
 fn value(joint: &Joint, goal: i32) -> I16F16 {
-    I16F16::saturating_from_num(goal.min(joint.max).max(joint.min) - joint.zero)
+    I16F16::saturating_from_num(goal.min(joint.max).max(joint.min).saturating_sub(joint.zero))
 }
 
 /// What [`Follow::frames`] gives.
@@ -134,13 +139,13 @@ impl<const N: usize> Frames for Poses<'_, '_, N> {
     }
 
     fn next_frame(&mut self) -> Result<Option<&[I16F16]>, Error> {
-        let state = self.follow.state.borrow();
+        let Ok(state) = self.follow.state.try_borrow() else { return Ok(None) };
         if state.counters.frames == 0 {
             return Ok(None);
         }
         self.pose.clone_from(&state.pose);
         // Short of the end, which never comes.
-        self.position = (self.position + 1).min(u32::MAX / 2);
+        self.position = self.position.saturating_add(1).min(u32::MAX / 2);
         Ok(Some(&self.pose))
     }
 

@@ -58,9 +58,9 @@ impl IdlePose {
     pub const fn offset(&self, idle: &map::Idle) -> i32 {
         // A product has at most 30 bits; 15 of them go, and [`FINE_BITS`] come.
         const SHIFT: u32 = 15 - FINE_BITS;
-        ((idle.breathing as i32 * self.breathing) >> SHIFT)
-            + ((idle.sway as i32 * self.sway) >> SHIFT)
-            + ((idle.gaze as i32 * self.gaze) >> SHIFT)
+        ((idle.breathing as i32).wrapping_mul(self.breathing) >> SHIFT)
+            .wrapping_add((idle.sway as i32).wrapping_mul(self.sway) >> SHIFT)
+            .wrapping_add((idle.gaze as i32).wrapping_mul(self.gaze) >> SHIFT)
     }
 }
 
@@ -68,7 +68,11 @@ impl IdleLayer {
     /// A layer at rest, for `tick_hz` ticks a second, not 0. Layers with the same `seed` look the same ways.
     pub const fn new(tick_hz: u16, seed: u32) -> Self {
         let gaze = Gaze { random: seed | 1, from: 0, to: 0, since: 0, until: REST_MILLIS << 8 };
-        Self { tick_millis_fine: 256_000 / tick_hz as u32, breath: 0, sway: [0; 2], gaze, gain: 0 }
+        let tick_millis_fine = match 256_000u32.checked_div(tick_hz as u32) {
+            Some(millis) => millis,
+            None => 0,
+        };
+        Self { tick_millis_fine, breath: 0, sway: [0; 2], gaze, gain: 0 }
     }
 
     /// Stops at once.
@@ -78,8 +82,10 @@ impl IdleLayer {
 
     /// Goes on by a tick; the layer comes in while `on`, and fades out otherwise.
     pub fn tick(&mut self, on: bool) -> IdlePose {
-        let step = (self.tick_millis_fine * (ONE as u32 / 128) / (FADE_MILLIS * 2)) as i32;
-        self.gain = if on { (self.gain + step.max(1)).min(ONE) } else { (self.gain - step.max(1)).max(0) };
+        let step = (self.tick_millis_fine.wrapping_mul(ONE as u32 / 128) / (FADE_MILLIS * 2)) as i32;
+        let step = step.max(1);
+        self.gain =
+            if on { self.gain.wrapping_add(step).min(ONE) } else { self.gain.wrapping_sub(step).max(0) };
         if self.gain == 0 {
             return IdlePose::default();
         }
@@ -89,38 +95,45 @@ impl IdleLayer {
         }
         let [one, other] = self.sway.map(sine);
         let gaze = self.gaze.tick(self.tick_millis_fine);
-        let gained = |value: i32| (value * self.gain) >> 15;
-        IdlePose { breathing: gained(sine(self.breath)), sway: gained((one + other) / 2), gaze: gained(gaze) }
+        let gained = |value: i32| value.wrapping_mul(self.gain) >> 15;
+        IdlePose {
+            breathing: gained(sine(self.breath)),
+            sway: gained(one.wrapping_add(other) / 2),
+            gaze: gained(gaze),
+        }
     }
 }
 
 impl Gaze {
     /// Where it looks, in ±`ONE`.
     fn tick(&mut self, millis_fine: u32) -> i32 {
-        self.since += millis_fine;
+        self.since = self.since.wrapping_add(millis_fine);
         if self.since >= self.until {
             // Marsaglia 2003, "Xorshift RNGs".
             self.random ^= self.random << 13;
             self.random ^= self.random >> 17;
             self.random ^= self.random << 5;
             self.from = self.to;
-            self.to = (self.random & 0xffff) as i32 - ONE;
+            self.to = ((self.random & 0xffff) as i32).wrapping_sub(ONE);
             self.since = 0;
-            self.until =
-                ((GLANCE_MILLIS + REST_MILLIS) << 8) + (self.random >> 16) * (REST_MILLIS << 8 >> 16);
+            self.until = ((GLANCE_MILLIS + REST_MILLIS) << 8)
+                .wrapping_add((self.random >> 16).wrapping_mul(REST_MILLIS << 8 >> 16));
         }
         let glance = GLANCE_MILLIS << 8;
         if self.since >= glance {
             return self.to;
         }
         let path = least_jerk(Fraction::of(self.since >> 2, glance >> 2));
-        self.from + (((self.to - self.from) * i32::from(path.bits())) >> 15)
+        self.from.wrapping_add(self.to.wrapping_sub(self.from).wrapping_mul(path.bits().into()) >> 15)
     }
 }
 
 /// A phase of 2³² a turn, after `millis_fine` / 256 ms of a period.
 const fn turn(phase: u32, millis_fine: u32, period_millis: u32) -> u32 {
-    phase.wrapping_add(millis_fine * (u32::MAX / (period_millis << 8)))
+    match u32::MAX.checked_div(period_millis << 8) {
+        Some(step) => phase.wrapping_add(millis_fine.wrapping_mul(step)),
+        None => phase,
+    }
 }
 
 /// `sin(2π phase / 2³²)` in ±32767/32768, within 1/4096.
@@ -128,14 +141,14 @@ const fn turn(phase: u32, millis_fine: u32, period_millis: u32) -> u32 {
 const fn sine(phase: u32) -> i32 {
     // A quarter turn in 1/32768, mirrored in the second and fourth quarter.
     let quarter = (phase >> 15) as i32 & 0x7fff;
-    let x = if phase & 1 << 30 == 0 { quarter } else { 0x8000 - quarter };
+    let x = if phase & 1 << 30 == 0 { quarter } else { 0x8000i32.wrapping_sub(quarter) };
     // x (1.5706 − x² (0.64278 − 0.07218 x²)), in 1/32768: the odd polynomial of degree five with the least error that is
     // 1 at 1.
-    let square = (x * x) >> 15;
-    let rest = 21_063 - ((2_365 * square) >> 15);
-    let positive = (x * (51_465 - ((rest * square) >> 15))) >> 15;
+    let square = x.wrapping_mul(x) >> 15;
+    let rest = 21_063i32.wrapping_sub(square.wrapping_mul(2_365) >> 15);
+    let positive = x.wrapping_mul(51_465i32.wrapping_sub(rest.wrapping_mul(square) >> 15)) >> 15;
     let value = if positive > 32_767 { 32_767 } else { positive };
-    if phase >> 31 == 0 { value } else { -value }
+    if phase >> 31 == 0 { value } else { value.wrapping_neg() }
 }
 
 /// `sin(2π phase / 2³²)` in ±32767/32768, within 1/512.

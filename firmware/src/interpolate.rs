@@ -16,7 +16,10 @@ impl Fraction {
     /// `phase < period ≤ 131071`, so that the product stays in 32 bits; a larger phase counts as the largest.
     pub const fn of(phase: u32, period: u32) -> Self {
         debug_assert!(phase < period && period <= 131_071);
-        let fraction = (phase << FRACTION_BITS) / period;
+        let fraction = match (phase << FRACTION_BITS).checked_div(period) {
+            Some(fraction) => fraction,
+            None => 0,
+        };
         Self(if fraction >> FRACTION_BITS == 0 { fraction as u16 } else { (1 << FRACTION_BITS) - 1 })
     }
 
@@ -32,8 +35,8 @@ impl Fraction {
 /// Raw values of one unit, for instance the bits of an I16F16. The difference has 33 bits, so it is multiplied in
 /// halves of 16: two 32-bit multiplies, no 64-bit one.
 pub const fn lerp(from: i32, to: i32, fraction: Fraction) -> i32 {
-    let high = (to >> 16) - (from >> 16);
-    let low = (to & 0xffff) - (from & 0xffff);
+    let high = (to >> 16).wrapping_sub(from >> 16);
+    let low = (to & 0xffff).wrapping_sub(from & 0xffff);
     from.wrapping_add(part(high, low, fraction))
 }
 
@@ -42,7 +45,7 @@ const fn part(high: i32, low: i32, fraction: Fraction) -> i32 {
     // Neither product overflows, since the fraction is at most 32767. Doubling the high one may, where the result
     // does not fit either.
     let fraction = fraction.0 as i32;
-    (high * fraction).wrapping_mul(2).wrapping_add((low * fraction) >> FRACTION_BITS)
+    high.wrapping_mul(fraction).wrapping_mul(2).wrapping_add(low.wrapping_mul(fraction) >> FRACTION_BITS)
 }
 
 /// Frames that are further from each other than this are joined by lines: the coefficients of a cubic would not fit.
@@ -60,10 +63,10 @@ pub const fn catmull_rom(taps: [i32; 4], fraction: Fraction) -> i32 {
     if (d0 ^ (d0 >> 31)) | (d2 ^ (d2 >> 31)) | (d3 ^ (d3 >> 31)) >= CURVED {
         return lerp(from, to, fraction);
     }
-    let cubic = d3 - d0 - 3 * d2;
-    let square = 2 * d0 + 4 * d2 - d3;
-    let linear = d2 - d0;
-    let sum = linear + of(square + of(cubic, fraction), fraction);
+    let cubic = d3.wrapping_sub(d0).wrapping_sub(d2.wrapping_mul(3));
+    let square = d0.wrapping_mul(2).wrapping_add(d2.wrapping_mul(4)).wrapping_sub(d3);
+    let linear = d2.wrapping_sub(d0);
+    let sum = linear.wrapping_add(of(square.wrapping_add(of(cubic, fraction)), fraction));
     from.wrapping_add(of(sum, fraction) >> 1)
 }
 
@@ -80,8 +83,11 @@ const fn of(value: i32, fraction: Fraction) -> i32 {
 pub const fn least_jerk(fraction: Fraction) -> Fraction {
     let s = fraction.0 as u64;
     // In 1/2⁴⁵ and, between 1 and 10, in 1/2³⁰.
-    let rest = (10 << (2 * FRACTION_BITS)) + 6 * s * s - ((15 * s) << FRACTION_BITS);
-    let path = (((s * s * s) >> FRACTION_BITS) * rest) >> (3 * FRACTION_BITS);
+    let square = s.wrapping_mul(s);
+    let rest = (10u64 << (2 * FRACTION_BITS))
+        .wrapping_add(square.wrapping_mul(6))
+        .wrapping_sub(s.wrapping_mul(15) << FRACTION_BITS);
+    let path = (square.wrapping_mul(s) >> FRACTION_BITS).wrapping_mul(rest) >> (3 * FRACTION_BITS);
     Fraction(if path >> FRACTION_BITS == 0 { path as u16 } else { (1 << FRACTION_BITS) - 1 })
 }
 

@@ -3,10 +3,21 @@
 //! `no_std`, no allocation; everything that decides is plain code that is tested on the host.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::indexing_slicing,
+        clippy::arithmetic_side_effects,
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic
+    )
+)]
 
 pub mod bus;
 pub mod clips;
 pub mod clock;
+mod collect;
 pub mod control_loop;
 pub mod decoder_list;
 pub mod device;

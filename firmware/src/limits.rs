@@ -23,8 +23,12 @@ impl Limits {
     /// from one tick to the next, and that of this change, from 1 to [`MAX_VELOCITY`]. The joint map checks that.
     pub const fn new(min: i32, max: i32, max_velocity: i32, max_acceleration: i32) -> Self {
         let (min, max) = (min << FINE_BITS, max << FINE_BITS);
-        let way =
-            brake_way(max_velocity, max_acceleration).div_ceil(2 * max_acceleration.unsigned_abs() as u64);
+        // At least 2, by the joint map.
+        let double_change = match (max_acceleration.unsigned_abs() as u64).wrapping_mul(2) {
+            0 => 2,
+            change => change,
+        };
+        let way = brake_way(max_velocity, max_acceleration).div_ceil(double_change);
         let way = if way > i32::MAX as u64 { i32::MAX } else { way as i32 };
         let clear = (min.saturating_add(way), max.saturating_sub(way));
         Self { min, max, max_velocity, max_acceleration, clear }
@@ -50,7 +54,7 @@ impl Limits {
 /// an eighth of `change`.
 const fn brake_way(velocity: i32, change: i32) -> u64 {
     let (speed, change) = (velocity.unsigned_abs() as u64, change.unsigned_abs() as u64);
-    speed * (speed + change) + ((change * change) >> 2)
+    speed.wrapping_mul(speed.wrapping_add(change)).wrapping_add(change.wrapping_mul(change) >> 2)
 }
 
 /// Largest velocity and acceleration that [`Limits`] can have: half of all goals there are.
@@ -74,7 +78,7 @@ impl Limiter {
 
     /// Goal to send, in goal units.
     pub const fn goal(&self) -> i32 {
-        (self.position + (1 << (FINE_BITS - 1))) >> FINE_BITS
+        self.position.wrapping_add(1 << (FINE_BITS - 1)) >> FINE_BITS
     }
 
     /// The same, fine.
@@ -100,8 +104,8 @@ impl Limiter {
         let (max, change) = (limits.max_velocity, limits.max_acceleration);
         if self.position == self.wanted
             && (limits.clear.0..=limits.clear.1).contains(&self.position)
-            && (-max..=max).contains(&velocity)
-            && (-change..=change).contains(&velocity.wrapping_sub(self.velocity))
+            && (max.wrapping_neg()..=max).contains(&velocity)
+            && (change.wrapping_neg()..=change).contains(&velocity.wrapping_sub(self.velocity))
         {
             *self = Self { position: wanted, velocity, wanted };
             return;
@@ -113,10 +117,11 @@ impl Limiter {
     fn catch_up(&mut self, limits: &Limits, wanted: i32) {
         let wanted = clamp(wanted, limits.min, limits.max);
         // Where the goal would be if it moved as `wanted` does. One that jumps does not move.
-        let moved = clamp(wanted.wrapping_sub(self.wanted), -limits.max_velocity, limits.max_velocity);
+        let moved =
+            clamp(wanted.wrapping_sub(self.wanted), limits.max_velocity.wrapping_neg(), limits.max_velocity);
         let behind = wanted.saturating_sub(self.position).saturating_sub(moved);
         let change = limits.max_acceleration;
-        let catch_up = if behind <= change && behind >= -change {
+        let catch_up = if behind <= change && behind >= change.wrapping_neg() {
             behind
         } else {
             signed(braking(behind.unsigned_abs(), change), behind)
@@ -138,26 +143,35 @@ impl Limiter {
     const fn reach(&self, limits: &Limits) -> (i32, i32) {
         let (max, change) = (limits.max_velocity, limits.max_acceleration);
         // After the limit was lowered it is reached by braking.
-        let slower = self.velocity.abs() - change;
+        let slower = self.velocity.wrapping_abs().wrapping_sub(change);
         let max = if slower > max { slower } else { max };
-        (clamp(self.velocity - change, -max, max), clamp(self.velocity + change, -max, max))
+        let least = max.wrapping_neg();
+        (
+            clamp(self.velocity.wrapping_sub(change), least, max),
+            clamp(self.velocity.wrapping_add(change), least, max),
+        )
     }
 
     /// Moves by `velocity`, or by less where it could not stop before the end of the range.
     #[inline]
     fn go(&mut self, limits: &Limits, velocity: i32) {
-        let room = if velocity < 0 { self.position - limits.min } else { limits.max - self.position };
+        let room = if velocity < 0 {
+            self.position.wrapping_sub(limits.min)
+        } else {
+            limits.max.wrapping_sub(self.position)
+        };
         let room = if room < 0 { 0 } else { room.unsigned_abs() };
         let change = limits.max_acceleration;
         // Most of what comes here ends here, without a divide.
-        let ample = brake_way(velocity, change) <= 2 * u64::from(change.unsigned_abs()) * u64::from(room);
+        let ample =
+            brake_way(velocity, change) <= (u64::from(change.unsigned_abs()) * 2).wrapping_mul(room.into());
         let safe = if ample {
             velocity
         } else {
             let slower = braking(room, change);
-            signed(slower.min(velocity.abs()), velocity)
+            signed(slower.min(velocity.wrapping_abs()), velocity)
         };
-        self.position += safe;
+        self.position = self.position.wrapping_add(safe);
         self.velocity = safe;
     }
 }
@@ -170,16 +184,19 @@ fn braking(distance: u32, change: i32) -> i32 {
     // So that all of this fits 32 bits.
     let (distance, change) = (distance.min(i32::MAX as u32), change.unsigned_abs().max(1));
     // Ticks of braking by all of `change`: the most with n (n + 1) change / 2 ≤ distance.
-    let quotient = distance / change;
-    let root = (2 * quotient).isqrt();
-    let whole = if root * (root + 1) / 2 <= quotient { root } else { root - 1 };
-    let speed = (distance + change * (whole * (whole + 1) / 2)) / (whole + 1);
+    let quotient = distance.checked_div(change).unwrap_or(0);
+    let root = quotient.wrapping_mul(2).isqrt();
+    // n (n + 1) / 2.
+    let sum = |n: u32| n.wrapping_mul(n.wrapping_add(1)) / 2;
+    let whole = if sum(root) <= quotient { root } else { root.wrapping_sub(1) };
+    let speed = distance.wrapping_add(change.wrapping_mul(sum(whole)));
+    let speed = speed.checked_div(whole.wrapping_add(1)).unwrap_or(0);
     i32::try_from(speed).unwrap_or(i32::MAX)
 }
 
 /// `size` with the sign of `like`.
 const fn signed(size: i32, like: i32) -> i32 {
-    if like < 0 { -size } else { size }
+    if like < 0 { size.wrapping_neg() } else { size }
 }
 
 /// `Ord::clamp` without its panic, and const.

@@ -206,7 +206,8 @@ impl<'m, L: Library, const N: usize> Mixer<'m, L, N> {
         let damaged = |error| Fault::Clip { error };
         let wanted = if self.paused { Speed::PAUSED } else { self.wanted };
         if self.speed != wanted {
-            let step = (256 * 1000u32).div_ceil(u32::from(PAUSE_MILLIS) * u32::from(self.map.tick_hz()));
+            let step = (256 * 1000u32)
+                .div_ceil(u32::from(PAUSE_MILLIS).saturating_mul(self.map.tick_hz().into()).max(1));
             self.speed = self.speed.towards(wanted, u16::try_from(step).unwrap_or(u16::MAX));
         }
         let Some(playing) = &mut self.current else { return Ok(false) };
@@ -218,9 +219,9 @@ impl<'m, L: Library, const N: usize> Mixer<'m, L, N> {
             match &mut self.faded {
                 Some(faded) => {
                     next.playback.advance(self.map, self.speed).map_err(damaged)?;
-                    *faded += 1;
+                    *faded = faded.saturating_add(1);
                     let ticks = self.map.settings().fade_ticks();
-                    self.mix = least_jerk(Fraction::of((*faded).min(ticks), ticks + 1));
+                    self.mix = least_jerk(Fraction::of((*faded).min(ticks), ticks.saturating_add(1)));
                 }
                 None if next.playback.seek(self.map).map_err(damaged)? => {
                     (self.faded, self.mix) = (Some(0), Fraction::START);
@@ -307,7 +308,7 @@ impl<'m, L: Library, const N: usize> Mixer<'m, L, N> {
             self.listed = 0;
         }
         if let Some(&clip) = self.show.playlist.get(self.listed) {
-            self.listed += 1;
+            self.listed = self.listed.saturating_add(1);
             return Some(Cue::of(clip, false));
         }
         self.show.idle_clip.map(|clip| Cue { idle: true, ..Cue::of(clip, true) })
@@ -317,7 +318,7 @@ impl<'m, L: Library, const N: usize> Mixer<'m, L, N> {
     fn fade_frames(&self) -> u32 {
         let rate = self.current.as_ref().map_or(0, |playing| playing.playback.rate_centihertz());
         // Both products fit: the speed is at most 1024.
-        let doubled = u32::from(rate) * u32::from(self.map.settings().fade_millis) / 2000;
-        doubled * u32::from(self.speed.parts()) / (50 * 256)
+        let doubled = u32::from(rate).wrapping_mul(self.map.settings().fade_millis.into()) / 2000;
+        doubled.wrapping_mul(self.speed.parts().into()) / (50 * 256)
     }
 }

@@ -1,5 +1,6 @@
 //! Why a clip cannot be played.
 
+use crate::clock::MAX_FRAMES_PER_TICK;
 use core::fmt;
 use decoder_core::Error;
 
@@ -39,6 +40,13 @@ pub enum PlayError {
         /// Those that the map was made for.
         expected: u16,
     },
+    /// More frames would go by in a tick than it can decode in its time.
+    TooFast {
+        /// Frames per second of the clip, in hundredths.
+        rate_centihertz: u16,
+        /// Ticks per second of the puppet.
+        tick_hz: u16,
+    },
 }
 
 impl fmt::Display for PlayError {
@@ -56,6 +64,13 @@ impl fmt::Display for PlayError {
             Self::QueueFull => f.write_str("too many clips wait already"),
             Self::NoClip { clip } => write!(f, "there is no clip {clip}"),
             Self::NoDecoder => f.write_str("no decoder is free"),
+            Self::TooFast { rate_centihertz, tick_hz } => write!(
+                f,
+                "the clip has {}.{:02} frames a second, more than {MAX_FRAMES_PER_TICK} for each of the {tick_hz} ticks a \
+                 second; encode it with fewer frames a second (--fps), or give the puppet more ticks",
+                rate_centihertz / 100,
+                rate_centihertz % 100
+            ),
             Self::Channels { found, expected } => {
                 write!(
                     f,

@@ -1,6 +1,7 @@
 //! A clip that plays: frames out of a decoder, in time, interpolated to the tick.
 
-use crate::clock::{Clock, Speed};
+use crate::clock::{Clock, Speed, keeps_up};
+use crate::collect::collect;
 use crate::frames::Frames;
 use crate::interpolate::{Fraction, catmull_rom, lerp};
 use crate::map::{Interpolation, JointMap};
@@ -40,6 +41,10 @@ impl<F: Frames, const N: usize> Playback<F, N> {
         if frames.rate_centihertz() == 0 {
             return Err((PlayError::Rate, frames));
         }
+        let (rate_centihertz, tick_hz) = (frames.rate_centihertz(), map.tick_hz());
+        if !keeps_up(rate_centihertz, tick_hz) {
+            return Err((PlayError::TooFast { rate_centihertz, tick_hz }, frames));
+        }
         if let Err(error) = map.check_channels(frames.channels()) {
             return Err((error, frames));
         }
@@ -55,7 +60,7 @@ impl<F: Frames, const N: usize> Playback<F, N> {
             frame: start,
             repeats,
             beyond: 0,
-            taps: core::iter::repeat_n([0; 4], map.joints().len()).collect(),
+            taps: collect(map.joints().iter().map(|_| [0; 4])),
             seek: Some(start),
             frames,
         })
@@ -118,7 +123,7 @@ impl<F: Frames, const N: usize> Playback<F, N> {
         self.clock.tick(speed);
         while !self.ended() && self.clock.frame_passed() {
             self.shift(map)?;
-            self.frame = if self.frame >= self.last() { 0 } else { self.frame + 1 };
+            self.frame = if self.frame >= self.last() { 0 } else { self.frame.wrapping_add(1) };
         }
         if self.ended() {
             self.clock.align();
@@ -150,8 +155,8 @@ impl<F: Frames, const N: usize> Playback<F, N> {
     /// Works off the distance to an outside clock that is at this frame; see [`Clock::follow`].
     pub fn follow(&mut self, frame: u32, fraction: u16) -> bool {
         let (at, phase) = self.position();
-        let ahead =
-            i64::from(frame) * 65_536 + i64::from(fraction) - i64::from(at) * 65_536 - i64::from(phase);
+        let ahead = (i64::from(frame) << 16 | i64::from(fraction))
+            .wrapping_sub(i64::from(at) << 16 | i64::from(phase));
         i32::try_from(ahead >> 16).is_ok_and(|frames| self.clock.follow(frames, ahead as u16))
     }
 

@@ -1,6 +1,6 @@
 //! A sender of live streams that goes by the clock, for shows: what it sends, and what of it gets lost, is the same in each run.
 
-use crate::clips::Workspace;
+use crate::clips::DecoderMemory;
 use crate::library::{LIVE, Library};
 use crate::link::message::DATA_BYTES;
 use crate::machine::{Command, Machine};
@@ -35,13 +35,13 @@ pub struct StreamMemory {
     header: [u8; STREAM_BYTES],
     block: [u8; DATA_BYTES],
     poses: [[I16F16; CHANNELS]; 4],
-    decoder: Workspace<CHANNELS, { 4 * CHANNELS }, WORDS>,
+    decoder: DecoderMemory<CHANNELS, { 4 * CHANNELS }, WORDS, 0>,
     pose: [I16F16; CHANNELS],
 }
 
 /// Its parts: those of the stream, of its decoder, and a frame's.
 pub type StreamParts<'s> =
-    (Memory<'s>, &'s mut Workspace<CHANNELS, { 4 * CHANNELS }, WORDS>, &'s mut [I16F16]);
+    (Memory<'s>, &'s mut DecoderMemory<CHANNELS, { 4 * CHANNELS }, WORDS, 0>, &'s mut [I16F16]);
 
 impl StreamMemory {
     /// Memory.
@@ -51,7 +51,7 @@ impl StreamMemory {
             header: [0; STREAM_BYTES],
             block: [0; DATA_BYTES],
             poses: [[I16F16::ZERO; CHANNELS]; 4],
-            decoder: Workspace::new(),
+            decoder: DecoderMemory::new(),
             pose: [I16F16::ZERO; CHANNELS],
         }
     }
@@ -84,7 +84,7 @@ struct Sending<'s> {
 /// A block: its first frame, and all its bytes.
 fn block(clip: &[u8], at: usize) -> Option<(u32, &[u8])> {
     let &[n0, n1, _, _, a, b, c, d] = clip.get(at..)?.first_chunk()?;
-    let end = at + BLOCK_HEADER_BYTES + usize::from(u16::from_le_bytes([n0, n1]));
+    let end = at.saturating_add(BLOCK_HEADER_BYTES).saturating_add(u16::from_le_bytes([n0, n1]).into());
     Some((u32::from_le_bytes([a, b, c, d]) & 0x7fff_ffff, clip.get(at..end)?))
 }
 
@@ -223,7 +223,7 @@ impl Sending<'_> {
             while let Some((first, bytes)) = block(self.clip, self.at)
                 && first < progress.received
             {
-                self.at += bytes.len();
+                self.at = self.at.saturating_add(bytes.len());
             }
         }
         let Some((first, bytes)) = block(self.clip, self.at) else { return };
@@ -231,7 +231,7 @@ impl Sending<'_> {
         if progress.free_blocks == 0 || first > progress.position.saturating_add(ahead) {
             return;
         }
-        self.at += bytes.len();
+        self.at = self.at.saturating_add(bytes.len());
         if !lost {
             // What is damaged is counted.
             let _ = live.receive(bytes);

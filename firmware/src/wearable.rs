@@ -3,7 +3,8 @@
 //! A tick decodes the frames that went by, takes the last one to the outputs' units and ranges, and that is all: nothing eases,
 //! nothing limits a speed, nobody answers. What may not jump, a servo above all, needs a [`Machine`](crate::machine::Machine).
 
-use crate::clock::{Clock, Speed};
+use crate::clock::{Clock, Speed, keeps_up};
+use crate::collect::collect;
 use crate::frames::Frames;
 use crate::limits::{FINE_BITS, clamp};
 use crate::map::{Joint, JointMap};
@@ -27,18 +28,21 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
     /// [`MAX_TICK_HZ`](crate::clock::MAX_TICK_HZ)); the map's own rate is that of its servos.
     ///
     /// # Errors
-    /// Where the clip has no rate, no frames, or not the channels that the map follows.
+    /// Where the clip has no rate, no frames, more frames a second than ticks can decode, or not the channels that the map follows.
     pub fn new(mut frames: F, map: &'m JointMap<N>, hz: u16) -> Result<Self, PlayError> {
         let rate = frames.rate_centihertz();
         if rate == 0 {
             return Err(PlayError::Rate);
+        }
+        if !keeps_up(rate, hz) {
+            return Err(PlayError::TooFast { rate_centihertz: rate, tick_hz: hz });
         }
         map.check_channels(frames.channels())?;
         if frames.frames() == 0 {
             return Err(PlayError::NoFrames);
         }
         frames.approach(0);
-        let levels = map.joints().iter().map(|joint| joint.home).collect();
+        let levels = collect(map.joints().iter().map(|joint| joint.home));
         Ok(Self { frames, map, clock: Clock::new(rate, hz), due: 1, levels })
     }
 
@@ -50,7 +54,7 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
     /// What is wrong with the clip; the levels stay as they were.
     pub fn tick(&mut self) -> Result<&[i32], Error> {
         while self.due > 0 {
-            self.due -= 1;
+            self.due = self.due.saturating_sub(1);
             if self.frames.position() >= self.frames.frames() {
                 self.frames.approach(0);
             }
@@ -65,7 +69,7 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
         }
         self.clock.tick(Speed::NORMAL);
         while self.clock.frame_passed() {
-            self.due += 1;
+            self.due = self.due.saturating_add(1);
         }
         Ok(&self.levels)
     }
@@ -74,7 +78,7 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
 /// A joint's level in a frame, which has its channel.
 fn of(joint: &Joint, frame: &[I16F16]) -> i32 {
     let value = frame.get(usize::from(joint.channel)).copied().unwrap_or_default();
-    let level = (joint.goal(value) + (1 << (FINE_BITS - 1))) >> FINE_BITS;
+    let level = joint.goal(value).wrapping_add(1 << (FINE_BITS - 1)) >> FINE_BITS;
     clamp(level, joint.min, joint.max)
 }
 
@@ -142,5 +146,18 @@ mod tests {
         let map = map(Settings::new(100));
         let error = Wearable::new(counting(), &map, 30).map(|_| ()).unwrap_err();
         assert!(matches!(error, PlayError::Channel { channels: 1, .. }), "{error:?}");
+    }
+
+    #[test]
+    fn a_clip_of_too_many_frames_a_tick_is_refused() {
+        let map = map(Settings::new(100));
+        let error = Wearable::new(counting(), &map, 7).map(|_| ()).unwrap_err();
+        assert_eq!(error, PlayError::TooFast { rate_centihertz: 12_000, tick_hz: 7 });
+        let sentence = error.to_string();
+        assert!(
+            sentence.starts_with("the clip has 120.00 frames a second, more than 16 for each of the 7"),
+            "{sentence}"
+        );
+        assert!(!matches!(Wearable::new(counting(), &map, 8), Err(PlayError::TooFast { .. })));
     }
 }

@@ -29,6 +29,7 @@ pub mod clip;
 pub mod cycle_limit;
 pub mod device;
 pub mod files;
+pub mod filmstrip;
 pub mod flash;
 pub mod image;
 pub mod link;

@@ -41,9 +41,6 @@ enum Command {
     Wearable(commands::wearable::Args),
 }
 
-/// Exit code of a check that failed, as against 2 for a usage error.
-const FAILED: u8 = 1;
-
 fn main() -> ExitCode {
     // A reader that has seen enough, such as `head`, ends the command quietly.
     sigpipe::reset();
@@ -51,7 +48,7 @@ fn main() -> ExitCode {
         Ok(code) => code,
         Err(error) => {
             eprintln!("bunraku: {error:#}");
-            ExitCode::from(FAILED)
+            ExitCode::FAILURE
         }
     }
 }

@@ -5,7 +5,7 @@ use decoder_core::mclip::{self, CodecId, Prefix};
 use decoder_core::{I16F16, Limits};
 use encoder::mclip::{Encoder, Encoding, Quality};
 use encoder::memory::OwnedMemory;
-use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
+use firmware::clips::{Clips, DecoderMemory, Mailbox, Worker, decode};
 use firmware::store::Store;
 use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 use host_sim::flash::Flash;
@@ -17,7 +17,7 @@ use std::pin::pin;
 pub const CHANNELS: usize = 64;
 
 /// A board's memory of a decoder.
-pub type Space = Workspace<CHANNELS, { 4 * CHANNELS }, 4096>;
+pub type Space = DecoderMemory<CHANNELS, { 4 * CHANNELS }, 4096, 16>;
 
 /// A board's streams.
 pub const SETTINGS: Settings = Settings {

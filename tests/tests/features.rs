@@ -11,9 +11,12 @@ fn sets() -> Vec<Vec<&'static str>> {
         CodecId::ALL.into_iter().flat_map(|codec| [&[codec.name()], codec.parts()].concat()).collect();
     let stages = EntropyId::ALL.map(EntropyId::name).to_vec();
     let mut sets = vec![Vec::new(), [codecs.clone(), stages.clone()].concat()];
-    // A codec decodes nothing without a stage, nor a stage without a codec: so each with all of the others, and alone.
-    for &codec in &codecs {
-        sets.extend([vec![codec], [&[codec], stages.as_slice()].concat()]);
+    // A codec decodes nothing without a stage, nor a stage without a codec: so each alone, and with all of the others. Of a
+    // codec with parts, all vectors need one of them.
+    sets.extend(codecs.iter().map(|&codec| vec![codec]));
+    for codec in CodecId::ALL {
+        let own = if codec.parts().is_empty() { &[codec.name()] } else { codec.parts() };
+        sets.extend(own.iter().map(|&name| [&[name], stages.as_slice()].concat()));
     }
     for &stage in &stages {
         sets.extend([vec![stage], [&[stage], codecs.as_slice()].concat()]);

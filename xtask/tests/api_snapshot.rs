@@ -39,8 +39,7 @@ struct Api<'f> {
 
 /// The snapshot of the crate with this root.
 fn snapshot(root: &Path) -> String {
-    let mut files = Files::default();
-    files.read(Vec::new(), root.to_owned());
+    let files = Files::of_crate(root);
     let mut items = BTreeMap::new();
     for (module, _, file) in &files.parsed {
         collect_items(module, &file.items, &mut items);

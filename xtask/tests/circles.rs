@@ -106,8 +106,7 @@ impl<'ast> Visit<'ast> for Paths<'_> {
 
 /// What each file of the crate with this root needs.
 fn needs(root: &Path) -> Needs {
-    let mut files = Files::default();
-    files.read(Vec::new(), root.to_owned());
+    let files = Files::of_crate(root);
     let mut needs = Needs::new();
     for (module, file, parsed) in &files.parsed {
         let mut paths = Paths { files: &files, file, module: module.clone(), needs: BTreeMap::new() };
@@ -165,8 +164,11 @@ fn no_crate_has_a_circle_of_files() {
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let mut found = Vec::new();
     for name in CRATES {
-        let root = workspace.join(name).join("src/lib.rs");
-        found.extend(circles(&root).into_iter().map(|circle| format!("{name}: {circle}")));
+        for root in ["src/lib.rs", "src/main.rs"].map(|file| workspace.join(name).join(file)) {
+            if root.exists() {
+                found.extend(circles(&root).into_iter().map(|circle| format!("{name}: {circle}")));
+            }
+        }
     }
     assert!(found.is_empty(), "{} circles of files:\n{}", found.len(), found.join("\n"));
 }
@@ -185,6 +187,15 @@ fn a_planted_circle_is_found() {
     write("high/part.rs", "use super::super::low::Low;\npub(super) struct Part(Low);\n");
     let root = folder.path().join("lib.rs");
     assert_eq!(circles(&root), [""; 0]);
+
+    // In files that a macro makes modules.
+    write("made/one.rs", "use super::two::Two;\npub struct One;\n");
+    write("made/two.rs", "pub struct Two;\n");
+    write("made/mod.rs", "modules! { one, two }\n");
+    assert_eq!(circles(&root), [""; 0]);
+    write("made/two.rs", "pub struct Two(crate::made::one::One);\n");
+    assert_eq!(circles(&root), ["made/one.rs:1 needs made/two.rs, made/two.rs:1 needs made/one.rs"]);
+    write("made/two.rs", "pub struct Two;\n");
 
     // In a `use` line, through a re-export.
     write("high/mod.rs", "mod part;\npub use part::Part;\npub struct High;\n");

@@ -1,5 +1,6 @@
 //! A block: the unit of transport and integrity.
 
+use super::bounds::BlockBounds;
 use super::fields::checksum;
 use super::header::Header;
 use crate::error::{Error, Field, check};
@@ -57,10 +58,25 @@ impl BlockHeader {
     ///
     /// # Errors
     /// [`Error::Malformed`] where a block of this clip cannot have such a header.
+    #[inline(always)]
     pub fn read(
         bytes: &[u8; BLOCK_HEADER_BYTES],
         at: usize,
         clip: &Header<'_>,
+        expected: Option<u32>,
+    ) -> Result<Self, Error> {
+        Self::read_within(bytes, at, clip.block_bounds(), expected)
+    }
+
+    /// As [`read`](Self::read), for who keeps the bounds and not the clip's header.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`].
+    #[inline(always)]
+    pub fn read_within(
+        bytes: &[u8; BLOCK_HEADER_BYTES],
+        at: usize,
+        clip: BlockBounds,
         expected: Option<u32>,
     ) -> Result<Self, Error> {
         let [l0, l1, n0, n1, f0, f1, f2, f3, c0, c1, c2, c3] = *bytes;
@@ -72,12 +88,11 @@ impl BlockHeader {
             entry: flagged & ENTRY != 0,
             checksum: u32::from_le_bytes([c0, c1, c2, c3]),
         };
-        let most = clip.fields().block_bytes;
-        check(Field::BlockLength, at, block.length.into(), 0, most.into())?;
-        let last = clip.frames().saturating_sub(1);
+        check(Field::BlockLength, at, block.length.into(), 0, clip.bytes.into())?;
+        let last = clip.frames.saturating_sub(1);
         let (low, high) = expected.map_or((0, last), |frame| (frame, frame.min(last)));
         check(Field::FirstFrame, at.saturating_add(4), block.first_frame, low, high)?;
-        let left = clip.frames().saturating_sub(block.first_frame);
+        let left = clip.frames.saturating_sub(block.first_frame);
         check(Field::Frames, at.saturating_add(2), block.frames.into(), 1, left)?;
         if block.first_frame == 0 {
             check(Field::Entry, at.saturating_add(7), block.entry.into(), 1, 1)?;

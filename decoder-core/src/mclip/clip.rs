@@ -5,7 +5,6 @@ use super::entries::EntryPoint;
 use super::fields::Prefix;
 use super::header::Header;
 use crate::error::{Error, Field, Limits};
-use crate::memory::front;
 
 /// A clip whose header, and whose blocks' headers, were checked.
 ///
@@ -59,18 +58,23 @@ impl<'a> Clip<'a> {
         Ok(Self { verified: true, ..self })
     }
 
-    /// The clip with an index of its entry points, in memory for [`entry_count`](Self::entry_count) of them. Then seeking
-    /// takes the time of a search by halves, instead of a walk over the blocks up to the frame.
+    /// The clip with an index of its entry points. Then seeking takes the time of a search by halves, instead of a walk over
+    /// the blocks up to the frame.
     ///
-    /// # Errors
-    /// [`Error::OutputTooSmall`].
-    pub fn with_index(self, memory: &'a mut [EntryPoint]) -> Result<Self, Error> {
-        let needed = self.entry_count as usize;
-        let index = front(memory, needed, Field::Entry)?;
-        let points =
-            self.blocks().flatten().filter(|block| block.header.entry).map(|block| EntryPoint::of(&block));
-        index.iter_mut().zip(points).for_each(|(slot, point)| *slot = point);
-        Ok(Self { entries: index, ..self })
+    /// Memory for [`entry_count`](Self::entry_count) of them has all. Less has every second, third … one, so that more frames are
+    /// decoded after a seek; none at all leaves the walk.
+    #[must_use]
+    pub fn with_index(self, memory: &'a mut [EntryPoint]) -> Self {
+        let count = self.entry_count as usize;
+        let stride = count.div_ceil(memory.len().max(1)).max(1);
+        let points = self.blocks().flatten().filter(|block| block.header.entry).step_by(stride);
+        let mut filled = 0usize;
+        for (slot, block) in memory.iter_mut().zip(points) {
+            *slot = EntryPoint::of(&block);
+            filled = filled.saturating_add(1);
+        }
+        let memory: &'a [EntryPoint] = memory;
+        Self { entries: memory.get(..filled).unwrap_or_default(), ..self }
     }
 
     /// Whether it was verified.

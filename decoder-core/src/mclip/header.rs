@@ -1,5 +1,6 @@
 //! The header of a clip, checked, and what follows from it.
 
+use super::bounds::BlockBounds;
 use super::fields::{CHECKSUM_BYTES, HeaderFields, PREFIX_BYTES, Prefix, checksum};
 use super::postcard::Cursor;
 use super::record::Records;
@@ -102,6 +103,11 @@ impl<'a> Header<'a> {
     /// Number of channels in a frame.
     pub const fn channel_count(&self) -> usize {
         self.fields.channels as usize
+    }
+
+    /// What the clip's blocks keep to: enough to read a block's header without this one.
+    pub const fn block_bounds(&self) -> BlockBounds {
+        BlockBounds { bytes: self.fields.block_bytes, frames: self.fields.frames }
     }
 
     /// Frames in the clip.

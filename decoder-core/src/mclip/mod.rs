@@ -9,6 +9,7 @@
 //! A decoder's memory is lent by the caller: [`Header::needs`] says how much.
 
 mod block;
+mod bounds;
 mod clip;
 mod cursor;
 mod decoder;
@@ -27,6 +28,7 @@ pub use crate::ids::{CodecId, EntropyId};
 pub use crate::memory::{Memory, Needs, Workspace};
 pub use crate::state::State;
 pub use block::{BLOCK_HEADER_BYTES, Block, BlockHeader, Blocks};
+pub use bounds::BlockBounds;
 pub use clip::Clip;
 pub use decoder::{ClipDecoder, Decoder};
 pub use entries::EntryPoint;

@@ -67,13 +67,19 @@ impl Parser {
         }
         let seen = self.window.get(..self.len).unwrap_or_default();
         let from = if self.len == FRAME_LEN || seen.first() != Some(&START) {
-            let start = seen.iter().enumerate().skip(1).find(|(_, byte)| **byte == START);
-            start.map_or(self.len, |(at, _)| at)
+            let behind = seen.get(1..).unwrap_or_default();
+            behind.iter().position(|&byte| byte == START).map_or(self.len, |at| at.saturating_add(1))
         } else {
             0
         };
-        self.window.copy_within(from..self.len, 0);
-        self.len = self.len.saturating_sub(from);
+        let kept = self.len.saturating_sub(from);
+        for at in 0..kept {
+            let byte = self.window.get(at.saturating_add(from)).copied().unwrap_or_default();
+            if let Some(place) = self.window.get_mut(at) {
+                *place = byte;
+            }
+        }
+        self.len = kept;
         None
     }
 }
@@ -127,15 +133,24 @@ impl<W: Write, T: DelayNs> ServoBus for BlenderBus<W, T> {
             for (index, (goal, sent)) in goals.iter().zip(sent).enumerate() {
                 if *sent != Some(goal.position) || index == *refresh {
                     *sent = None;
-                    output.write_all(&frame(goal)).await?;
+                    let frame = frame(goal);
+                    let mut rest = frame.as_slice();
+                    // `write_all` panics where a driver takes nothing.
+                    while !rest.is_empty() {
+                        let taken = output.write(rest).await?;
+                        match rest.get(taken..).filter(|_| taken > 0) {
+                            Some(left) => rest = left,
+                            None => return Ok(false),
+                        }
+                    }
                     *sent = Some(goal.position);
                 }
             }
-            output.flush().await
+            output.flush().await.map(|()| true)
         };
         match select(write, delay.delay_us(limit)).await {
-            Either::First(Ok(())) => Ok(()),
-            Either::First(Err(_)) | Either::Second(()) => Err(BusError::Port),
+            Either::First(Ok(true)) => Ok(()),
+            Either::First(_) | Either::Second(()) => Err(BusError::Port),
         }
     }
 }

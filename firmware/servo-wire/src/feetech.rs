@@ -150,8 +150,12 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoReader for 
         readings: &mut [Option<Reading>],
     ) -> Result<(), BusError> {
         if self.series == Series::Sts {
-            let asked: Vec<u8, MAX_SERVOS> =
-                places.iter().filter_map(|&place| ids.get(usize::from(place)).copied()).collect();
+            let mut asked = Vec::<u8, MAX_SERVOS>::new();
+            let known = places.iter().filter_map(|&place| ids.get(usize::from(place)).copied());
+            // There is room for as many; `collect` panics where there are more.
+            known.take(MAX_SERVOS).for_each(|id| {
+                let _ = asked.push(id);
+            });
             let mut turn = AnswerOrder::default();
             let each = |at: usize, error: u8, data: &[u8]| {
                 if let Some(&place) = places.get(at)

@@ -64,7 +64,8 @@ impl LineConfig {
     const fn byte_ns(&self) -> u32 {
         let baud = if self.baud < 1200 { 1200 } else { self.baud };
         let (whole, rest) = (1_000_000_000 / baud, 1_000_000_000 % baud);
-        10 * whole + 10 * rest / baud + 1
+        // At most 8,333,340.
+        whole.wrapping_mul(10).wrapping_add(rest.wrapping_mul(10) / baud).wrapping_add(1)
     }
 
     /// Microseconds that this many bytes take, rounded up.
@@ -180,7 +181,12 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs> Port<U, D, T> {
         let sending = Sending(direction);
         sending.0.set_high().map_err(|_| BusError::Port)?;
         let write = async {
-            uart.write_all(packet).await.map_err(|_| BusError::Port)?;
+            // `write_all` panics where a driver takes nothing.
+            let mut rest = packet;
+            while !rest.is_empty() {
+                let taken = uart.write(rest).await.map_err(|_| BusError::Port)?;
+                rest = rest.get(taken..).filter(|_| taken > 0).ok_or(BusError::Port)?;
+            }
             uart.flush().await.map_err(|_| BusError::Port)
         };
         let limit = delay.delay_us(line.send_limit_us(packet.len()));

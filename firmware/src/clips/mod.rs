@@ -2,7 +2,7 @@
 //!
 //! ```
 //! use decoder_core::{I16F16, Limits};
-//! use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
+//! use firmware::clips::{Clips, DecoderMemory, Mailbox, Worker, decode};
 //! use firmware::store::Store;
 //! use firmware::stream::{Live, Memory, PlayerMemory, Settings};
 //! use core::pin::pin;
@@ -14,7 +14,7 @@
 //! let limits = Limits { channels: 64, frames: u32::MAX };
 //! let settings = Settings { ahead_millis: 200, lost_millis: 500, limits };
 //! let live = Live::new(Memory { buffer: &mut buffer, player }, settings);
-//! let (mut first, mut second) = (Workspace::<64, 0, 2048>::new(), Workspace::<64, 0, 2048>::new());
+//! let (mut first, mut second) = (DecoderMemory::<64, 0, 2048, 64>::new(), DecoderMemory::<64, 0, 2048, 64>::new());
 //! let (mut poses, mailboxes) = ([[I16F16::ZERO; 64]; 2], [Mailbox::new(), Mailbox::new()]);
 //! let first = pin!(decode(&mailboxes[0], &mut first, &live));
 //! let second = pin!(decode(&mailboxes[1], &mut second, &live));
@@ -31,6 +31,5 @@ mod worker;
 
 pub use crate::library::LIVE;
 pub use clip_library::{Clips, OpenClip};
-pub use decoder_core::mclip::Workspace;
 pub use with_live::{ClipOrLive, WithLive};
-pub use worker::{Mailbox, Worker, decode};
+pub use worker::{DecoderMemory, Mailbox, Worker, decode};

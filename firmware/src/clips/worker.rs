@@ -13,7 +13,7 @@ use core::convert::Infallible;
 use core::future::{Future, poll_fn};
 use core::pin::Pin;
 use core::task::{Context, Poll, Waker};
-use decoder_core::mclip::{self, MAGIC, Workspace};
+use decoder_core::mclip::{self, EntryPoint, MAGIC, Memory, Needs, Workspace};
 use decoder_core::{Error, Field, I16F16, Limits, qmd};
 
 /// What a decoder is asked.
@@ -96,10 +96,41 @@ impl Mailbox<'_> {
     }
 }
 
+/// Memory of a decoder that opens one clip after the other: for clips of up to `C` channels that need up to `W` words and `H`
+/// halves, with an index of up to `E` of their entry points.
+///
+/// An entry point takes 8 bytes. A clip with more of them has every second, third … one in the index, so that more frames
+/// are decoded after a seek, in more ticks; a tick takes no longer.
+#[derive(Debug)]
+pub struct DecoderMemory<const C: usize, const W: usize, const H: usize, const E: usize> {
+    workspace: Workspace<C, W, H>,
+    entries: [EntryPoint; E],
+}
+
+impl<const C: usize, const W: usize, const H: usize, const E: usize> DecoderMemory<C, W, H, E> {
+    /// What clips may need.
+    pub const CAPACITY: Needs = Workspace::<C, W, H>::CAPACITY;
+
+    /// Memory.
+    pub const fn new() -> Self {
+        Self { workspace: Workspace::new(), entries: [EntryPoint::EMPTY; E] }
+    }
+
+    fn lend(&mut self) -> Memory<'_> {
+        self.workspace.lend()
+    }
+}
+
+impl<const C: usize, const W: usize, const H: usize, const E: usize> Default for DecoderMemory<C, W, H, E> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 /// Decodes whatever clip it is asked for, in its memory, for ever. For [`Worker::new`].
-pub async fn decode<const C: usize, const K: usize, const W: usize>(
+pub async fn decode<const C: usize, const W: usize, const H: usize, const E: usize>(
     mailbox: &Mailbox<'_>,
-    memory: &mut Workspace<C, K, W>,
+    memory: &mut DecoderMemory<C, W, H, E>,
     live: &Live<'_>,
 ) -> Infallible {
     loop {
@@ -127,15 +158,16 @@ pub async fn decode<const C: usize, const K: usize, const W: usize>(
 }
 
 /// Opens a clip that lies in memory, and gives its frames.
-async fn serve_clip<const C: usize, const K: usize, const W: usize>(
+async fn serve_clip<const C: usize, const W: usize, const H: usize, const E: usize>(
     mailbox: &Mailbox<'_>,
     bytes: &[u8],
-    memory: &mut Workspace<C, K, W>,
+    memory: &mut DecoderMemory<C, W, H, E>,
 ) -> Result<(), PlayError> {
     let limits = Limits { channels: C as u16, frames: Limits::MAX.frames };
     if bytes.starts_with(&MAGIC) {
-        let clip = mclip::Clip::parse(bytes, limits);
-        let decoder = clip.and_then(|clip| clip.decoder(memory.lend())).map_err(PlayError::Clip)?;
+        let DecoderMemory { workspace, entries } = memory;
+        let clip = mclip::Clip::parse(bytes, limits).map_err(PlayError::Clip)?.with_index(entries);
+        let decoder = clip.decoder(workspace.lend()).map_err(PlayError::Clip)?;
         serve(mailbox, decoder).await
     } else {
         let clip = qmd::Clip::parse(bytes, limits);

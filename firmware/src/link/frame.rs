@@ -23,7 +23,7 @@ pub const OVERHEAD: usize = 3 + CRC_BYTES;
 
 /// Bytes on the wire that a message of so many bytes takes at most, with the zero at its end.
 pub const fn wire_len(message: usize) -> usize {
-    cobs::max_encoding_length(message + OVERHEAD) + 1
+    cobs::max_encoding_length(message.saturating_add(OVERHEAD)).saturating_add(1)
 }
 
 /// Writes a frame, and gives its bytes with the zero; `None` where the buffer is too small for it.

@@ -169,6 +169,7 @@ wire_enum! { PlayError {
     5 NoClip { clip: u16 },
     6 NoDecoder,
     7 Channels { found: u32, expected: u16 },
+    8 TooFast { rate_centihertz: u16, tick_hz: u16 },
 }}
 
 wire_enum! { StoreError {

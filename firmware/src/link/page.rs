@@ -162,6 +162,7 @@ fn errors() -> Vec<Refusal> {
         PlayError::NoClip { clip: 20 },
         PlayError::NoDecoder,
         PlayError::Channels { found: 21, expected: 22 },
+        PlayError::TooFast { rate_centihertz: 12_000, tick_hz: 7 },
     ];
     let error = Error::Encoding { field, at: 23 };
     let store = [

@@ -80,7 +80,7 @@ impl Session {
                     continue;
                 }
             };
-            requests += 1;
+            requests = requests.saturating_add(1);
             self.heard = now;
             let number = frame.sequence;
             let Some(request) = parse(frame.message) else {
@@ -165,7 +165,7 @@ impl Session {
         (telemetry.link, telemetry.busiest) = (self.counts, core::mem::take(&mut self.busiest));
         self.events = self.events.wrapping_add(1);
         // Responses go first.
-        let room = self.out.capacity() - self.out.len();
+        let room = self.out.capacity().saturating_sub(self.out.len());
         let answer = Answer::Event(Event::Telemetry(telemetry));
         if room < OUT_BYTES / 2 {
             self.counts.dropped = self.counts.dropped.saturating_add(1);
@@ -181,9 +181,14 @@ impl Session {
 
     /// Forgets the first `count` bytes of [`outgoing`](Self::outgoing), which were sent.
     pub fn sent(&mut self, count: usize) {
-        let count = count.min(self.out.len());
-        self.out.rotate_left(count);
-        self.out.truncate(self.out.len() - count);
+        let left = self.out.len().saturating_sub(count);
+        for at in 0..left {
+            let byte = self.out.get(at.saturating_add(count)).copied().unwrap_or_default();
+            if let Some(place) = self.out.get_mut(at) {
+                *place = byte;
+            }
+        }
+        self.out.truncate(left);
     }
 }
 
@@ -208,7 +213,7 @@ fn send(out: &mut Vec<u8, OUT_BYTES>, counts: &mut LinkCounts, number: u16, answ
     let _ = out.resize(OUT_BYTES, 0);
     let written =
         out.get_mut(start..).and_then(|free| write(number, answer, free)).map_or(0, |bytes| bytes.len());
-    out.truncate(start + written);
+    out.truncate(start.saturating_add(written));
     if written == 0 {
         counts.dropped = counts.dropped.saturating_add(1);
     }

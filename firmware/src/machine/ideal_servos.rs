@@ -3,6 +3,7 @@
 use super::state::State;
 use super::state_machine::Machine;
 use super::tick_output::{Action, TickOutput};
+use crate::collect::collect;
 use crate::fault::Feedback;
 use crate::library::Library;
 use heapless::Vec;
@@ -28,7 +29,7 @@ impl<const N: usize> IdealServos<N> {
                 torque: Some(false),
             })
         };
-        let readings = machine.map().joints().iter().map(|joint| at(joint.home)).collect();
+        let readings = collect(machine.map().joints().iter().map(|joint| at(joint.home)));
         Self { readings, acted: false }
     }
 

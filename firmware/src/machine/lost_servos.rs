@@ -5,6 +5,7 @@
 //! tick in which all are read.
 
 use super::state_machine::{Machine, to_goal_range};
+use crate::collect::numbered;
 use crate::fault::{Feedback, UNHEARD_TICKS};
 use crate::library::Library;
 use crate::limits::{FINE_BITS, Limiter, clamp};
@@ -18,12 +19,12 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
         }
         // Where all are lost nobody has been told anything.
         let untold = self.detector.all_lost(|servo| self.map.reads(servo));
-        for (index, (servo, reading)) in self.servos.iter_mut().zip(feedback.readings).enumerate() {
+        for (index, (servo, reading)) in numbered(self.servos.iter_mut().zip(feedback.readings)) {
             let Some(reading) = reading.as_ref().filter(|_| self.detector.missed(index)) else { continue };
             servo.back = true;
             self.any_back = true;
             let here = to_goal_range(reading.position) << FINE_BITS;
-            let near = u32::from(UNHEARD_TICKS) * servo.limits.max_velocity().unsigned_abs();
+            let near = u32::from(UNHEARD_TICKS).saturating_mul(servo.limits.max_velocity().unsigned_abs());
             let far = here.abs_diff(servo.limiter.position()) > near;
             if self.detector.lost(index) && (far || untold) {
                 servo.limiter = Limiter::at(to_goal_range(reading.position));
@@ -40,7 +41,7 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
         }
         self.any_back = false;
         let readings = self.servos.iter_mut().zip(feedback.readings);
-        for (index, ((servo, reading), goal)) in readings.zip(&self.goals).enumerate() {
+        for (index, ((servo, reading), goal)) in numbered(readings.zip(&self.goals)) {
             let back = core::mem::take(&mut servo.back);
             if self.detector.unheard(index) {
                 servo.limiter = Limiter::at(goal.position);

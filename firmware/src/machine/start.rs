@@ -19,16 +19,16 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
     pub(super) fn find(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
         if let (Some(Action::Ping { servo }), Some(result)) = (self.asked, feedback.action) {
             match result {
-                Ok(()) => self.servo = servo + 1,
+                Ok(()) => self.servo = servo.saturating_add(1),
                 Err(_) if self.waited < self.map.settings().ticks(FIND_MILLIS) => {}
                 Err(_) => {
                     // The rest is looked for as well, so that it can be held.
                     self.fault = self.fault.or(Some(Fault::Silent { servo: servo as u8 }));
-                    self.servo = servo + 1;
+                    self.servo = servo.saturating_add(1);
                 }
             }
         }
-        self.waited += 1;
+        self.waited = self.waited.saturating_add(1);
         if self.servo < self.servos.len() {
             return Some(Action::Ping { servo: self.servo });
         }
@@ -38,7 +38,7 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
 
     /// Waits for the positions of all servos that have them.
     pub(super) fn read(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
-        self.waited += 1;
+        self.waited = self.waited.saturating_add(1);
         let faulty = |index: usize| {
             feedback.readings.get(index).copied().flatten().is_some_and(|reading| reading.hardware_error != 0)
         };
@@ -48,8 +48,10 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
             && patient
             && self.fault.is_none()
         {
-            // Asked again only after it had the time to come back.
-            return (self.waited % settings.ticks(FIND_MILLIS / 3) == 1).then_some(Action::Reboot { servo });
+            // Asked again only after it had the time to come back, which at a tick or two a second is one tick.
+            let since_first = self.waited.saturating_sub(1);
+            let is_due = since_first.is_multiple_of(settings.ticks(FIND_MILLIS / 3));
+            return is_due.then_some(Action::Reboot { servo });
         }
         let missing = (0..self.servos.len()).find(|&index| !self.is_read(index, feedback));
         match missing {
@@ -93,16 +95,16 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
                     if let Some(servo) = self.servos.get_mut(servo) {
                         servo.armed = true;
                     }
-                    (self.servo, self.waited) = (servo + 1, 0);
+                    (self.servo, self.waited) = (servo.saturating_add(1), 0);
                 }
                 Err(_) if self.waited < ARM_TICKS => {}
                 Err(error) => {
                     self.fault = self.fault.or(Some(Fault::Refused { servo: servo as u8, error }));
-                    (self.servo, self.waited) = (servo + 1, 0);
+                    (self.servo, self.waited) = (servo.saturating_add(1), 0);
                 }
             }
         }
-        self.waited += 1;
+        self.waited = self.waited.saturating_add(1);
         self.settle(feedback);
         // Of one that is not read nobody knows where on is.
         while self.servo < self.servos.len() {
@@ -113,7 +115,7 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
                 return None;
             }
             self.fault = self.fault.or(Some(Fault::Silent { servo: self.servo as u8 }));
-            (self.servo, self.waited) = (self.servo + 1, 1);
+            (self.servo, self.waited) = (self.servo.saturating_add(1), 1);
         }
         self.enter(if self.fault.is_some() { State::Stopping } else { State::Opening });
         let millis = self.map.settings().servo_watchdog_millis;

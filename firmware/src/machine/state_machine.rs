@@ -4,6 +4,7 @@ use super::command::Command;
 
 use super::state::{Start, State};
 use super::tick_output::{Action, TickOutput};
+use crate::collect::{collect, numbered};
 use crate::fault::{Fault, FaultDetector, Feedback};
 use crate::idle::{IdleLayer, IdlePose};
 use crate::interpolate::{Fraction, least_jerk, lerp};
@@ -93,9 +94,9 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             state: State::Finding,
             fault: (start == Start::ByItself).then_some(Fault::Restarted),
             detector: FaultDetector::new(map.settings(), joints.len()),
-            servos: joints.iter().map(servo).collect(),
-            wanted: joints.iter().map(|joint| joint.home << FINE_BITS).collect(),
-            goals: joints.iter().map(|joint| Goal { id: joint.id, position: joint.home }).collect(),
+            servos: collect(joints.iter().map(servo)),
+            wanted: collect(joints.iter().map(|joint| joint.home << FINE_BITS)),
+            goals: collect(joints.iter().map(|joint| Goal { id: joint.id, position: joint.home })),
             idle: IdleLayer::new(map.tick_hz(), 1),
             sways: joints.iter().any(|joint| joint.idle != Idle::default()),
             after: show.after,
@@ -304,7 +305,8 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             }
             _ => {}
         }
-        let readings = self.servos.iter_mut().zip(feedback.readings).enumerate();
+        let watchdog = Action::Watchdog { millis: self.servo_watchdog_millis() };
+        let readings = numbered(self.servos.iter_mut().zip(feedback.readings));
         let mut looked_at = readings.take_while(|_| self.detector.any_slack());
         let fallen = looked_at.find_map(|(index, pair)| {
             let (servo, reading) = (pair.0, (*pair.1)?);
@@ -315,8 +317,20 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
                 Action::TorqueOn { servo: index }
             })
         });
-        let watchdog = Action::Watchdog { millis: self.map.settings().servo_watchdog_millis };
         fallen.or(self.rearm.then_some(watchdog))
+    }
+
+    /// Silence after which servos stop by themselves: what the map says, but more than a tick takes, since they hear something
+    /// once a tick. Where the map says less than that it is two ticks; 0 stays 0.
+    pub(super) fn servo_watchdog_millis(&self) -> u16 {
+        let settings = self.map.settings();
+        let (millis, hz) = (settings.servo_watchdog_millis, settings.tick_hz.max(1));
+        let outlasts_a_tick = u32::from(millis).saturating_mul(hz.into()) > 1000;
+        if millis == 0 || outlasts_a_tick {
+            millis
+        } else {
+            2000u16.saturating_add(hz.saturating_sub(1)).checked_div(hz).unwrap_or(millis)
+        }
     }
 
     pub(super) fn enter(&mut self, state: State) {
@@ -435,7 +449,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             self.begin_easing(State::Returning);
         } else {
             for (joint, servo) in self.map.joints().iter().zip(&mut self.servos) {
-                servo.from = servo.limiter.position() - idle.offset(&joint.idle);
+                servo.from = servo.limiter.position().saturating_sub(idle.offset(&joint.idle));
             }
             self.state = State::Holding;
         }
@@ -465,9 +479,12 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             servo.from = servo.limiter.position();
             let way = u64::from(to.abs_diff(servo.from));
             // The path's highest velocity is 15/8 of its mean, its highest acceleration 5.78 of the way over time squared.
-            let share = u64::from(joint.max_velocity.unsigned_abs()) * u64::from(settings.ease_velocity);
-            let by_velocity = (way * 15).div_ceil((share / 256).max(1) * 8);
-            let by_acceleration = (way * 6 / u64::from(joint.max_acceleration.unsigned_abs())).isqrt() + 1;
+            let share =
+                u64::from(joint.max_velocity.unsigned_abs()).wrapping_mul(settings.ease_velocity.into());
+            let by_velocity = way.wrapping_mul(15).div_ceil((share / 256).max(1).saturating_mul(8).max(8));
+            let acceleration = u64::from(joint.max_acceleration.unsigned_abs());
+            let by_acceleration =
+                way.wrapping_mul(6).checked_div(acceleration).unwrap_or(0).isqrt().saturating_add(1);
             let needed = by_velocity.max(by_acceleration);
             ticks = ticks.max(u32::try_from(needed).unwrap_or(u32::MAX));
         }
@@ -478,7 +495,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
 
     /// A tick on the way to the wanted pose; true where it is reached.
     fn ease(&mut self) -> bool {
-        self.eased += 1;
+        self.eased = self.eased.saturating_add(1);
         let last = self.eased >= self.ease_ticks;
         let path = (!last).then(|| least_jerk(Fraction::of(self.eased, self.ease_ticks)));
         for (servo, &to) in self.servos.iter_mut().zip(&self.wanted) {
@@ -489,7 +506,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             let reachable = clamp(to, servo.limits.min(), servo.limits.max());
             !servo.armed || servo.limiter.position() == reachable || self.detector.lost(index)
         };
-        last && self.servos.iter().zip(&self.wanted).enumerate().all(there)
+        last && numbered(self.servos.iter().zip(&self.wanted)).all(there)
     }
 }
 

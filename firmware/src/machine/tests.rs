@@ -391,3 +391,41 @@ proptest! {
         }
     }
 }
+
+/// At two ticks a second the time in which a servo comes back is one tick.
+#[test]
+fn a_servo_with_an_error_is_restarted_at_the_slowest_ticks_too() {
+    for hz in [1, 2, 3, 5, HZ] {
+        let map = map(Settings::new(hz));
+        let mut puppet = TestPuppet::new(&map, Show::default(), [2000; 3]);
+        puppet.motors[1].hardware_error = 1 << 5;
+        puppet.until(3000, |puppet| puppet.machine.at_rest());
+        let restarts = puppet.actions.iter().filter(|action| **action == Action::Reboot { servo: 1 });
+        assert_eq!((restarts.count(), puppet.machine.fault()), (1, None), "at {hz} Hz");
+        assert!(puppet.motors.iter().all(|motor| motor.torque));
+    }
+}
+
+/// What a servo forgives between two packets is longer than a tick.
+#[test]
+fn a_servos_own_watchdog_outlasts_a_tick() {
+    for (hz, expected) in [(1, 2000), (2, 1000), (4, 500), (5, 400), (6, 200), (HZ, 200)] {
+        let map = map(Settings::new(hz));
+        let mut puppet = TestPuppet::new(&map, Show::default(), [2000; 3]);
+        puppet.until(3000, |puppet| puppet.machine.at_rest());
+        assert_eq!(puppet.watched, Some(expected), "at {hz} Hz");
+    }
+}
+
+/// A clip of so many frames a tick that a tick could not decode them is refused when it is opened.
+#[test]
+fn a_clip_that_is_too_fast_for_the_ticks_is_refused() {
+    for (hz, fits) in [(4, true), (3, false)] {
+        let map = map(Settings::new(hz));
+        let mut puppet = TestPuppet::new(&map, Show::default(), [2000; 3]);
+        puppet.until(3000, |puppet| puppet.machine.at_rest());
+        let played = puppet.machine.command(Command::Play { clip: 1, repeats: false });
+        let error = PlayError::TooFast { rate_centihertz: 6000, tick_hz: hz };
+        assert_eq!(played, if fits { Ok(()) } else { Err(error) }, "at {hz} Hz");
+    }
+}

@@ -74,7 +74,7 @@ const fn scaled(value: i32, scale: i32) -> i32 {
 const MOST_SCALED: i32 = 1 << 20;
 
 const fn scaled_long(value: i32, scale: i32) -> i32 {
-    let product = value as i64 * scale as i64;
+    let product = (value as i64).wrapping_mul(scale as i64);
     let high = (product >> 32) as i32;
     if high >= MOST_SCALED {
         MOST_SCALED << FINE_BITS
@@ -88,11 +88,15 @@ const fn scaled_long(value: i32, scale: i32) -> i32 {
 const fn scaled_in_halves(value: i32, scale: i32) -> i32 {
     let (value_high, value_low) = (value >> 16, value & 0xffff);
     let (scale_high, scale_low) = (scale >> 16, scale & 0xffff);
-    let low = ((value_low as u32 * scale_low as u32) >> 16) as i32;
-    let middle = [value_high * scale_low, value_low * scale_high];
+    let low = ((value_low as u32).wrapping_mul(scale_low as u32) >> 16) as i32;
+    let middle = [value_high.wrapping_mul(scale_low), value_low.wrapping_mul(scale_high)];
     // In 1/65536 goal units; at most 3 · 65535.
-    let below = (middle[0] & 0xffff) + (middle[1] & 0xffff) + low;
-    let whole = value_high * scale_high + (middle[0] >> 16) + (middle[1] >> 16) + (below >> 16);
+    let below = (middle[0] & 0xffff).wrapping_add(middle[1] & 0xffff).wrapping_add(low);
+    let whole = value_high
+        .wrapping_mul(scale_high)
+        .wrapping_add(middle[0] >> 16)
+        .wrapping_add(middle[1] >> 16)
+        .wrapping_add(below >> 16);
     if whole >= MOST_SCALED {
         MOST_SCALED << FINE_BITS
     } else if whole < -MOST_SCALED {

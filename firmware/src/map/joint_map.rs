@@ -6,6 +6,7 @@ use super::joint::{GOAL_LIMIT, Joint};
 use super::settings::Settings;
 use super::wire::{MapBytes, VERSION};
 use crate::clock::MAX_TICK_HZ;
+use crate::collect::numbered;
 use crate::limits::MAX_VELOCITY;
 use crate::play_error::PlayError;
 use core::ops::Range;
@@ -47,7 +48,7 @@ impl<const N: usize> JointMap<N> {
             return Err(MapError::Empty);
         }
         let mut last_bus = 0;
-        for (index, joint) in joints.iter().enumerate() {
+        for (index, joint) in numbered(&joints) {
             let id = joint.id;
             if id > MAX_ID {
                 return Err(MapError::Id { found: id });
@@ -162,7 +163,8 @@ impl<const N: usize> JointMap<N> {
 
     /// The time of a tick after tick 0, in microseconds, rounded down: no error adds up over ticks.
     pub fn tick_micros(&self, tick: u32) -> u64 {
-        u64::from(tick) * 1_000_000 / u64::from(self.settings.tick_hz)
+        let micros = u64::from(tick).wrapping_mul(1_000_000);
+        micros.checked_div(self.settings.tick_hz.into()).unwrap_or(0)
     }
 }
 

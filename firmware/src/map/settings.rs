@@ -81,6 +81,6 @@ impl Settings {
 
     /// Ticks in `millis`, rounded up.
     pub const fn ticks(&self, millis: u16) -> u32 {
-        (millis as u32 * self.tick_hz as u32).div_ceil(1000)
+        (millis as u32).wrapping_mul(self.tick_hz as u32).div_ceil(1000)
     }
 }

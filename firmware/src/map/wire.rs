@@ -15,7 +15,7 @@ pub const VERSION: u8 = 3;
 
 /// Bytes that a map of this many joints takes at most: a joint 52, the rest 64.
 pub const fn bytes_len(joints: usize) -> usize {
-    64 + 52 * joints
+    joints.saturating_mul(52).saturating_add(64)
 }
 
 /// What the bytes of a map hold, in order.

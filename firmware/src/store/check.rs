@@ -2,7 +2,7 @@
 
 use super::error::StoreError;
 use crc::Digest;
-use decoder_core::mclip::{self, BLOCK_HEADER_BYTES, BlockHeader, Header, MAGIC, Needs, Prefix};
+use decoder_core::mclip::{self, BLOCK_HEADER_BYTES, BlockBounds, BlockHeader, Header, MAGIC, Needs, Prefix};
 use decoder_core::{Error, Field, Limits, qmd};
 
 /// Bytes that a step reads; a block that is longer is read in one.
@@ -15,8 +15,16 @@ pub(super) struct Check {
     at: usize,
     /// Frames of the blocks that were read.
     frames: u32,
-    /// What is wrong with the clip.
-    wrong: Option<Error>,
+    /// What the clip's header says, once it was read, and what is wrong with the clip.
+    opened: Option<Result<Opened, Error>>,
+}
+
+/// What a clip's header says.
+#[derive(Clone, Copy)]
+struct Opened {
+    facts: Facts,
+    /// Of a .mclip, whose blocks have checksums. A QMD clip has none of its own.
+    blocks: Option<BlockBounds>,
 }
 
 /// What a clip says of itself.
@@ -29,7 +37,7 @@ pub(super) struct Facts {
 
 impl Check {
     pub fn new() -> Self {
-        Self { digest: mclip::digest(), at: 0, frames: 0, wrong: None }
+        Self { digest: mclip::digest(), at: 0, frames: 0, opened: None }
     }
 
     /// Bytes that were read.
@@ -37,30 +45,26 @@ impl Check {
         self.at
     }
 
-    /// Goes on in the clip's bytes; gives what it says of itself once all were read.
+    /// Goes on in the clip's bytes; gives what it says of itself once all were read. The header is read in the first step.
     pub fn step(&mut self, clip: &[u8], crc: u32, capacity: &Needs) -> Result<Option<Facts>, StoreError> {
-        let channels = u16::try_from(capacity.channels).unwrap_or(u16::MAX);
-        let limits = Limits { channels, frames: Limits::MAX.frames };
-        let facts = match self.wrong {
-            Some(_) => None,
-            None if clip.starts_with(&MAGIC) => self.mclip(clip, limits, capacity).transpose(),
-            None => self.qmd(clip, limits).transpose(),
+        let opened = self.opened.take().unwrap_or_else(|| self.open(clip, capacity));
+        let opened = match opened {
+            Ok(Opened { blocks: Some(bounds), .. }) => self.read_blocks(clip, bounds).and(opened),
+            _ => opened,
         };
-        if let Some(Err(error)) = facts {
-            self.wrong = Some(error);
-        }
-        if self.wrong.is_some() {
-            // Whether these are the bytes that were sent is to be known first.
+        if !matches!(opened, Ok(Opened { blocks: Some(_), .. })) {
+            // Of a damaged clip too: whether these are the bytes that were sent is to be known first.
             self.read(clip, self.at.saturating_add(STEP_BYTES).min(clip.len()));
         }
-        let Some(result) = facts.or(self.wrong.map(Err)).filter(|_| self.at == clip.len()) else {
+        self.opened = Some(opened);
+        if self.at < clip.len() {
             return Ok(None);
-        };
+        }
         let found = self.digest.clone().finalize();
         if found != crc {
             return Err(StoreError::Checksum { found, expected: crc });
         }
-        result.map(Some).map_err(StoreError::Clip)
+        opened.map(|opened| Some(opened.facts)).map_err(StoreError::Clip)
     }
 
     /// Takes bytes up to `to` into the checksum.
@@ -69,47 +73,52 @@ impl Check {
         self.at = to;
     }
 
-    /// Checks blocks. The header is parsed again in every step, since it borrows the bytes.
-    fn mclip(&mut self, clip: &[u8], limits: Limits, capacity: &Needs) -> Result<Option<Facts>, Error> {
-        let header = Header::parse(clip, limits)?;
-        if self.at == 0 {
-            fits(&header.needs(), capacity)?;
-            self.read(clip, Prefix::read(clip)?.header_bytes);
+    /// Reads the header.
+    fn open(&mut self, clip: &[u8], capacity: &Needs) -> Result<Opened, Error> {
+        let channels = u16::try_from(capacity.channels).unwrap_or(u16::MAX);
+        let limits = Limits { channels, frames: Limits::MAX.frames };
+        let count = |channels| u16::try_from(channels).unwrap_or(u16::MAX);
+        if !clip.starts_with(&MAGIC) {
+            let clip = qmd::Clip::parse(clip, limits)?;
+            let (frames, rate_centihertz) = (clip.frames(), clip.rate_centihertz());
+            let facts = Facts { frames, channels: count(clip.channels()), rate_centihertz };
+            return Ok(Opened { facts, blocks: None });
         }
+        let header = Header::parse(clip, limits)?;
+        fits(&header.needs(), capacity)?;
+        self.read(clip, Prefix::read(clip)?.header_bytes);
+        let (frames, rate_centihertz) = (header.frames(), header.rate_centihertz());
+        let facts = Facts { frames, channels: count(header.channel_count()), rate_centihertz };
+        Ok(Opened { facts, blocks: Some(header.block_bounds()) })
+    }
+
+    /// Checks blocks of about [`STEP_BYTES`].
+    fn read_blocks(&mut self, clip: &[u8], bounds: BlockBounds) -> Result<(), Error> {
         let stop = self.at.saturating_add(STEP_BYTES);
-        while self.at < stop && self.frames < header.frames() {
-            let (block, end) = block(clip, self.at, &header, self.frames)?;
+        while self.at < stop && self.frames < bounds.frames {
+            let (block, end) = block(clip, self.at, bounds, self.frames)?;
             self.read(clip, end);
             self.frames = self.frames.saturating_add(block.frames.into());
         }
-        if self.frames < header.frames() {
-            return Ok(None);
+        // Behind the last block there is nothing.
+        let ends = self.at == clip.len();
+        if (self.frames >= bounds.frames) == ends {
+            return Ok(());
         }
-        if self.at != clip.len() {
-            return Err(Error::Encoding { field: Field::BlockHeader, at: self.at });
+        match ends {
+            true => block(clip, self.at, bounds, self.frames).map(|_| ()),
+            false => Err(Error::Encoding { field: Field::BlockHeader, at: self.at }),
         }
-        let channels = u16::try_from(header.channel_count()).unwrap_or(u16::MAX);
-        let rate_centihertz = header.rate_centihertz();
-        Ok(Some(Facts { frames: header.frames(), channels, rate_centihertz }))
-    }
-
-    /// A QMD clip has no checksums of its own.
-    fn qmd(&mut self, clip: &[u8], limits: Limits) -> Result<Option<Facts>, Error> {
-        let parsed = qmd::Clip::parse(clip, limits)?;
-        self.read(clip, self.at.saturating_add(STEP_BYTES).min(clip.len()));
-        let channels = u16::try_from(parsed.channels()).unwrap_or(u16::MAX);
-        let facts = Facts { frames: parsed.frames(), channels, rate_centihertz: parsed.rate_centihertz() };
-        Ok((self.at == clip.len()).then_some(facts))
     }
 }
 
 /// The block whose header is at byte `at`, checked, and where the next one is.
-fn block(clip: &[u8], at: usize, header: &Header<'_>, frame: u32) -> Result<(BlockHeader, usize), Error> {
+fn block(clip: &[u8], at: usize, bounds: BlockBounds, frame: u32) -> Result<(BlockHeader, usize), Error> {
     let rest = clip.get(at..).unwrap_or_default();
     let truncated = |field, at, needed, found| Error::Truncated { field, at, needed, found };
     let (bytes, rest) =
         rest.split_first_chunk().ok_or(truncated(Field::BlockHeader, at, BLOCK_HEADER_BYTES, rest.len()))?;
-    let block = BlockHeader::read(bytes, at, header, Some(frame))?;
+    let block = BlockHeader::read_within(bytes, at, bounds, Some(frame))?;
     let (start, length) = (at.saturating_add(BLOCK_HEADER_BYTES), usize::from(block.length));
     let codes = rest.get(..length).ok_or(truncated(Field::Payload, start, length, rest.len()))?;
     block.verify(codes, at)?;

@@ -4,7 +4,8 @@ use super::check::Check;
 use super::directory::{self, Change, Directory, Next};
 use super::entry::{Entry, Name};
 use super::error::StoreError;
-use super::free_sectors::{self, Extent};
+use super::extent::Extent;
+use super::free_sectors;
 use super::layout::Layout;
 use super::lease::Lease;
 use super::mapped::{MappedFlash, PAGE_BYTES};
@@ -140,7 +141,8 @@ impl<F: MappedFlash> Store<F> {
         }
         let [first, second] = self.layout.directory.map(|at| directory::most(self.flash.sector_bytes(at)));
         let most = first.min(second);
-        let others = self.directory.map_or(0, Directory::count) - u16::from(self.entry(clip).is_some());
+        let others =
+            self.directory.map_or(0, Directory::count).saturating_sub(self.entry(clip).is_some().into());
         if others >= most {
             return Err(StoreError::TooMany { most });
         }
@@ -165,7 +167,7 @@ impl<F: MappedFlash> Store<F> {
         let known =
             received.checked_sub(offset).ok_or(StoreError::Gap { expected: *received, found: offset })?;
         let new = bytes.get(known as usize..).unwrap_or_default();
-        if new.len() > (entry.bytes - *received) as usize {
+        if new.len() > entry.bytes.saturating_sub(*received) as usize {
             return Err(StoreError::TooLong { bytes: entry.bytes });
         }
         for &byte in new {
@@ -173,9 +175,9 @@ impl<F: MappedFlash> Store<F> {
             if let Some(place) = self.page.get_mut(place) {
                 *place = byte;
             }
-            *received += 1;
+            *received = received.saturating_add(1);
             if place == PAGE_BYTES - 1 || *received == entry.bytes {
-                let at = entry.at + *received - 1 - place as u32;
+                let at = entry.at.saturating_add(*received).saturating_sub(1).saturating_sub(place as u32);
                 if let Err(error) = self.flash.write(at, &self.page) {
                     self.job = Job::Idle;
                     return Err(StoreError::Flash { kind: error.kind(), at });
@@ -239,7 +241,7 @@ impl<F: MappedFlash> Store<F> {
         self.job = match core::mem::replace(&mut self.job, Job::Idle) {
             Job::Erase(entry, next) => {
                 let next = self.erase(next)?;
-                if next < entry.at + entry.bytes {
+                if next < entry.at.saturating_add(entry.bytes) {
                     Job::Erase(entry, next)
                 } else {
                     self.page.fill(0xff);
@@ -280,7 +282,7 @@ impl<F: MappedFlash> Store<F> {
             self.directory = Some(directory.ok_or(StoreError::Worn { at: sector })?);
             return Ok(Job::Idle);
         };
-        let at = sector + page * PAGE_BYTES as u32;
+        let at = sector.saturating_add(page.saturating_mul(PAGE_BYTES as u32));
         let written = self.flash.write(at, &self.page);
         written.map_err(|error| StoreError::Flash { kind: error.kind(), at })?;
         Ok(Job::Record(next))

@@ -9,6 +9,14 @@ use decoder_core::mclip::{checksum, digest};
 /// Records in a page, the header counted as one.
 const PER_PAGE: usize = PAGE_BYTES / RECORD_BYTES;
 
+/// Bytes of the header, which takes the place of a record.
+const HEADER_BYTES: u32 = RECORD_BYTES as u32;
+
+/// Bytes of so many records.
+fn bytes_of(records: u16) -> u32 {
+    u32::from(records).saturating_mul(RECORD_BYTES as u32)
+}
+
 /// A snapshot of all records that is whole: which of the two sectors has it, and how many there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Directory {
@@ -33,8 +41,7 @@ impl Directory {
         if header.count > most(flash.sector_bytes(at)) {
             return None;
         }
-        let records =
-            flash.mapped(at + RECORD_BYTES as u32, u32::from(header.count) * RECORD_BYTES as u32)?;
+        let records = flash.mapped(at.saturating_add(HEADER_BYTES), bytes_of(header.count))?;
         (checksum(&header.covered(), records) == header.crc).then_some(Self { sector, header })
     }
 
@@ -45,8 +52,8 @@ impl Directory {
         layout: &Layout,
     ) -> impl Iterator<Item = Entry> + use<'f, F> {
         let at = layout.directory.get(self.sector).copied().unwrap_or(0);
-        let bytes = u32::from(self.header.count) * RECORD_BYTES as u32;
-        let records = flash.mapped(at + RECORD_BYTES as u32, bytes).unwrap_or_default();
+        let bytes = bytes_of(self.header.count);
+        let records = flash.mapped(at.saturating_add(HEADER_BYTES), bytes).unwrap_or_default();
         records.chunks_exact(RECORD_BYTES).filter_map(Entry::decode)
     }
 
@@ -58,7 +65,7 @@ impl Directory {
 
 /// Records that a sector takes.
 pub(super) fn most(sector_bytes: u32) -> u16 {
-    u16::try_from((sector_bytes / RECORD_BYTES as u32).saturating_sub(1)).unwrap_or(u16::MAX)
+    u16::try_from(sector_bytes.checked_div(HEADER_BYTES).unwrap_or(0).saturating_sub(1)).unwrap_or(u16::MAX)
 }
 
 /// What the next snapshot has that this one has not.
@@ -82,9 +89,9 @@ pub(super) struct Next {
 
 impl Next {
     pub fn new<F: MappedFlash>(flash: &F, layout: &Layout, old: Option<Directory>, change: Change) -> Self {
-        let (sector, generation) =
-            old.map_or((0, 1), |old| (1 - old.sector, old.header.generation.wrapping_add(1)));
-        let count = snapshot(flash, layout, old, &change).count() as u16;
+        let (sector, generation) = old
+            .map_or((0, 1), |old| (1usize.saturating_sub(old.sector), old.header.generation.wrapping_add(1)));
+        let count = snapshot(flash, layout, old, &change).fold(0u16, |count, _| count.saturating_add(1));
         let mut header = Header { count, generation, crc: 0 };
         let mut digest = digest();
         digest.update(&header.covered());
@@ -105,7 +112,7 @@ impl Next {
 
     /// The sector was erased.
     pub fn erased(&mut self) {
-        let records = usize::from(self.directory.header.count) + 1;
+        let records = usize::from(self.directory.header.count).saturating_add(1);
         self.left = Some(records.div_ceil(PER_PAGE) as u32);
     }
 
@@ -121,7 +128,7 @@ impl Next {
         page.fill(0xff);
         let header = core::iter::once(self.directory.header.encode());
         let records = snapshot(flash, layout, self.old, &self.change).map(|entry| entry.encode());
-        let these = header.chain(records).skip(*left as usize * PER_PAGE);
+        let these = header.chain(records).skip((*left as usize).saturating_mul(PER_PAGE));
         page.as_chunks_mut().0.iter_mut().zip(these).for_each(|(place, record)| *place = record);
         Some(*left)
     }

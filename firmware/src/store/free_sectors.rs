@@ -1,13 +1,7 @@
 //! Free sectors for a clip.
 
+use super::extent::Extent;
 use super::layout::Layout;
-
-/// Flash that is in use.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Extent {
-    pub at: u32,
-    pub bytes: u32,
-}
 
 /// The lowest free sectors in a row that take `bytes`, as their first address; otherwise the bytes that would fit. `sector_bytes` is the size of the
 /// sector at an address. `taken` gives what is in use; time grows with the square of their number.
@@ -28,7 +22,7 @@ pub(super) fn find<T: Iterator<Item = Extent>>(
     let gap = |from: u32| {
         taken().fold(layout.clips.end.saturating_sub(from), |gap, extent| {
             if extent.at >= from {
-                gap.min(extent.at - from)
+                gap.min(extent.at.saturating_sub(from))
             } else if end(extent) > from {
                 0
             } else {

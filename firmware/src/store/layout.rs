@@ -23,8 +23,8 @@ impl Layout {
         let inside = ranges.iter().all(|range| {
             range.start < range.end
                 && range.end <= capacity
-                && range.start % page == 0
-                && range.end % page == 0
+                && range.start.is_multiple_of(page)
+                && range.end.is_multiple_of(page)
         });
         let apart = |a: &Range<u32>, b: &Range<u32>| a.end <= b.start || b.end <= a.start;
         let mut end = self.clips.start;

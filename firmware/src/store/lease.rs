@@ -1,6 +1,6 @@
 //! Bytes of flash that stay as they are while somebody reads them.
 
-use super::free_sectors::Extent;
+use super::extent::Extent;
 
 /// Leases that may be out at a time: a library has two decoders.
 pub const LEASES: usize = 2;

@@ -14,6 +14,7 @@ mod clip_store;
 mod directory;
 mod entry;
 mod error;
+mod extent;
 mod free_sectors;
 mod layout;
 mod lease;

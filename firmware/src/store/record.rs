@@ -66,7 +66,7 @@ impl Entry {
     /// The record of these bytes, whose checksum was right.
     pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
         let length = usize::from(*bytes.get(2)?).min(NAME_BYTES);
-        let name = core::str::from_utf8(bytes.get(NAME_AT..NAME_AT + length)?).unwrap_or_default();
+        let name = core::str::from_utf8(bytes.get(NAME_AT..)?.get(..length)?).unwrap_or_default();
         Some(Self {
             clip: u16_at(bytes, 0)?,
             name: Name::try_from(name).unwrap_or_default(),

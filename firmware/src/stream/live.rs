@@ -6,7 +6,7 @@ use super::memory::{Memory, PlayerMemory};
 use super::progress::{Counters, Progress};
 use super::reckoner::Made;
 use core::cell::{Cell, RefCell};
-use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockHeader, Header};
+use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockBounds, BlockHeader, Header};
 use decoder_core::{Error, Field, Limits};
 
 /// How a stream is played.
@@ -35,6 +35,8 @@ pub struct Live<'s> {
 struct State {
     /// Frames in all; 0 before the header is there.
     frames: u32,
+    /// Most bytes of a block's codes, by the header.
+    block_bytes: u16,
     rate_centihertz: u16,
     /// The frame that plays next, and the one that the decoder gives next.
     position: u32,
@@ -46,8 +48,16 @@ struct State {
     silent: u32,
 }
 
-const NEW: State =
-    State { frames: 0, rate_centihertz: 0, position: 0, next: 0, seen: 0, playing: false, silent: 0 };
+const NEW: State = State {
+    frames: 0,
+    block_bytes: 0,
+    rate_centihertz: 0,
+    position: 0,
+    next: 0,
+    seen: 0,
+    playing: false,
+    silent: 0,
+};
 
 const NONE: Counters = Counters {
     played: 0,
@@ -99,11 +109,11 @@ impl<'s> Live<'s> {
                 return Ok(None);
             }
             let header = Header::parse(blocks.header(), self.settings.limits).map_err(StreamError::Clip)?;
-            let (channels, block) = (header.channel_count(), usize::from(header.fields().block_bytes));
-            let (frames, rate_centihertz, length) =
-                (header.frames(), header.rate_centihertz(), blocks.header().len());
+            let BlockBounds { bytes: block_bytes, frames } = header.block_bounds();
+            let (channels, rate_centihertz) = (header.channel_count(), header.rate_centihertz());
+            let (block, length) = (usize::from(block_bytes), blocks.header().len());
             blocks.open(block)?;
-            Ok(Some((State { frames, rate_centihertz, ..NEW }, length, channels, block)))
+            Ok(Some((State { frames, block_bytes, rate_centihertz, ..NEW }, length, channels, block)))
         })?;
         let Some((state, length, channels, block)) = whole? else { return Ok(false) };
         self.fits(length, channels, block.max(BLOCK_HEADER_BYTES))?;
@@ -125,7 +135,7 @@ impl<'s> Live<'s> {
         }
     }
 
-    /// Takes a packet: one whole block, or several. Takes time in proportion to its bytes and the header's.
+    /// Takes a packet: one whole block, or several. Takes time in proportion to its bytes.
     ///
     /// # Errors
     /// [`StreamError::NoHeader`], [`StreamError::Clip`] where it is damaged. Blocks that are late, doubled or too many
@@ -136,8 +146,7 @@ impl<'s> Live<'s> {
             return Err(StreamError::NoHeader);
         }
         let mut counters = self.counters.get();
-        let received =
-            self.with(|blocks| receive(blocks, packet, self.settings.limits, &mut state, &mut counters))?;
+        let received = self.with(|blocks| receive(blocks, packet, &mut state, &mut counters))?;
         if received.is_err() {
             up(&mut counters.damaged);
         }
@@ -175,7 +184,13 @@ impl<'s> Live<'s> {
     pub fn progress(&self) -> Progress {
         let State { frames, position, next, .. } = self.state.get();
         let (received, free, blocks) = self
-            .with(|blocks| (blocks.end_from(next), blocks.free() + blocks.passed(position), blocks.places()))
+            .with(|blocks| {
+                (
+                    blocks.end_from(next),
+                    blocks.free().saturating_add(blocks.passed(position)),
+                    blocks.places(),
+                )
+            })
             .unwrap_or_default();
         Progress { position, received, frames, free_blocks: free as u16, blocks: blocks as u16 }
     }
@@ -220,8 +235,10 @@ impl<'s> Live<'s> {
         let first = self.with(|blocks| {
             let first = blocks.first_entry()?;
             let end = blocks.end_from(first);
-            let ahead = u32::from(self.settings.ahead_millis) * u32::from(state.rate_centihertz) / 100_000;
-            let enough = end - first >= ahead.max(1) || end >= state.frames || blocks.free() == 0;
+            let ahead =
+                u32::from(self.settings.ahead_millis).saturating_mul(state.rate_centihertz.into()) / 100_000;
+            let enough =
+                end.saturating_sub(first) >= ahead.max(1) || end >= state.frames || blocks.free() == 0;
             enough.then(|| {
                 blocks.drop_until(first);
                 first
@@ -283,17 +300,17 @@ fn up(counter: &mut u32) {
 fn receive(
     blocks: &mut Blocks<'_>,
     packet: &[u8],
-    limits: Limits,
     state: &mut State,
     counters: &mut Counters,
 ) -> Result<(), Error> {
+    let bounds = BlockBounds { bytes: state.block_bytes, frames: state.frames };
     let mut at = 0;
     while let Some(rest) = packet.get(at..).filter(|rest| !rest.is_empty()) {
         let truncated = |field, needed, found| Error::Truncated { field, at, needed, found };
         let bytes =
             rest.first_chunk().ok_or(truncated(Field::BlockHeader, BLOCK_HEADER_BYTES, rest.len()))?;
-        let header = BlockHeader::read(bytes, at, &Header::parse(blocks.header(), limits)?, None)?;
-        let length = BLOCK_HEADER_BYTES + usize::from(header.length);
+        let header = BlockHeader::read_within(bytes, at, bounds, None)?;
+        let length = BLOCK_HEADER_BYTES.saturating_add(header.length.into());
         let block = rest.get(..length).ok_or(truncated(Field::Payload, length, rest.len()))?;
         header.verify(block.get(BLOCK_HEADER_BYTES..).unwrap_or_default(), at)?;
         let end = header.first_frame.saturating_add(header.frames.into());
@@ -316,7 +333,7 @@ fn receive(
         } else if end > state.position {
             up(&mut counters.duplicates);
         }
-        at += length;
+        at = at.saturating_add(length);
     }
     Ok(())
 }

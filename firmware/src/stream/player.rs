@@ -63,7 +63,9 @@ impl<'l, 's, 'm> Player<'l, 's, 'm> {
     fn play(&mut self) -> Made {
         let from = if self.broken { self.next } else { self.next.saturating_add(1) };
         if let Some(entry) = self.live.last_entry(from, self.position) {
-            self.live.count(|counters| counters.lost = counters.lost.saturating_add(entry - self.next));
+            self.live.count(|counters| {
+                counters.lost = counters.lost.saturating_add(entry.saturating_sub(self.next));
+            });
             self.stream.resume();
             (self.next, self.broken) = (entry, false);
         }
@@ -88,7 +90,7 @@ impl<'l, 's, 'm> Player<'l, 's, 'm> {
             };
             match decoded {
                 Ok(made) => {
-                    self.next += 1;
+                    self.next = self.next.saturating_add(1);
                     if let Some(made) = made {
                         return made;
                     }
@@ -125,7 +127,7 @@ impl Frames for Player<'_, '_, '_> {
             return Ok(None);
         }
         let made = self.play();
-        self.position += 1;
+        self.position = self.position.saturating_add(1);
         self.live.played(self.position, self.next, made);
         Ok(Some(self.reckoner.shown()))
     }

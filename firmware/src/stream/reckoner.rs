@@ -36,10 +36,11 @@ impl Reckoning {
     pub fn new(rate_centihertz: u16, decay: u16, average: u16, ease: u16) -> Self {
         // A frame's time, and that with a time constant, both in the same unit: after a frame, whole − frame of whole is left.
         let frame = 100_000;
-        let and = |millis: u16| frame + u32::from(rate_centihertz.max(1)) * u32::from(millis);
-        let frames = u32::from(rate_centihertz) * u32::from(ease) / frame;
+        let time = |millis: u16| u32::from(rate_centihertz.max(1)).saturating_mul(millis.into());
+        let and = |millis: u16| time(millis).saturating_add(frame);
+        let frames = u32::from(rate_centihertz).saturating_mul(ease.into()) / frame;
         Self {
-            keep: part(and(decay) - frame, and(decay)),
+            keep: part(and(decay).saturating_sub(frame), and(decay)),
             newest: part(frame, and(average)),
             ease: u16::try_from(frames.max(1)).unwrap_or(u16::MAX),
         }
@@ -55,7 +56,7 @@ impl Reckoning {
 fn part(part: u32, whole: u32) -> Fraction {
     let shift = 16u32.saturating_sub(whole.leading_zeros());
     let whole = whole >> shift;
-    Fraction::of((part >> shift).min(whole - 1), whole)
+    Fraction::of((part >> shift).min(whole.saturating_sub(1)), whole)
 }
 
 /// Where a reckoner is.
@@ -121,7 +122,7 @@ impl<'s> Reckoner<'s> {
                 let all = self.away.max(self.reckoning.ease);
                 self.ease(frame, 1, all)
             }
-            Mode::Easing(done, all) => self.ease(frame, done + 1, all),
+            Mode::Easing(done, all) => self.ease(frame, done.saturating_add(1), all),
         };
         if self.mode == Mode::Right { Made::Right } else { Made::Eased }
     }
@@ -131,7 +132,7 @@ impl<'s> Reckoner<'s> {
         let away = match self.mode {
             Mode::Empty | Mode::Right => 0,
             Mode::Reckoned => self.away,
-            Mode::Easing(done, all) => all - done,
+            Mode::Easing(done, all) => all.saturating_sub(done),
         };
         self.away = away.saturating_add(1);
         self.mode = Mode::Reckoned;
@@ -184,7 +185,7 @@ fn go_on(positions: &mut [I16F16], velocities: &mut [I16F16], keep: Fraction) {
     for (position, velocity) in positions.iter_mut().zip(velocities) {
         // Rounded towards zero, or a velocity below it would never end.
         let kept = lerp(0, velocity.saturating_abs().to_bits(), keep);
-        *velocity = I16F16::from_bits(if *velocity < 0 { -kept } else { kept });
+        *velocity = I16F16::from_bits(if *velocity < 0 { kept.wrapping_neg() } else { kept });
         *position = position.saturating_add(*velocity);
     }
 }

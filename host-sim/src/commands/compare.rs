@@ -48,7 +48,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     match args.max_error {
         Some(limit) if report.mean_joint_cm > limit => {
             eprintln!("bunraku: the mean joint error is {:.4} cm, above {limit} cm", report.mean_joint_cm);
-            Ok(ExitCode::from(crate::FAILED))
+            Ok(ExitCode::FAILURE)
         }
         _ => Ok(ExitCode::SUCCESS),
     }

@@ -2,11 +2,16 @@
 
 use super::play::write_log;
 use anyhow::{Context, Result, bail};
+use decoder_core::mclip::CodecId;
+use encoder::mclip::{self, Encoder, Encoding, Target};
 use encoder::qmd::{self, Method, Parameters};
 use host_sim::clip::Clip;
+use host_sim::filmstrip::filmstrip;
 use host_sim::{files, play};
 use mocap::export::amc::{self, Rotations};
-use mocap::{metrics, sample};
+use mocap::metrics::{self, Evaluator};
+use mocap::motion::Motion;
+use mocap::sample;
 use puppet_file::Puppet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,6 +30,12 @@ pub struct Args {
     #[arg(long)]
     qemu: bool,
 }
+
+/// The mean joint error that is asked of dpcm, in cm.
+const TARGET_CM: f64 = 0.1;
+
+/// Figures in the picture.
+const FIGURES: usize = 9;
 
 /// The puppet of the embedded clip, which is also an example for people to start from.
 const PUPPET: &str = include_str!("../../../puppets/sample.toml");
@@ -49,6 +60,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     println!("float32               {:>7}", frames * channels * 4);
     encode(folder, "faithful.qmd", "QMD, paper's encoder", &original, Method::FAITHFUL)?;
     let bytes = encode(folder, "walk.qmd", "QMD, ours", &original, Method::ClosedLoop)?;
+    encode_dpcm(folder, &original)?;
 
     let clip = Clip::parse(Path::new("walk.qmd"), &bytes)?;
     let path = folder.join("puppet.toml");
@@ -80,13 +92,33 @@ fn save(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
 fn encode(folder: &Path, name: &str, title: &str, original: &mocap::Clip, method: Method) -> Result<Vec<u8>> {
     let bytes = qmd::encode(original, Parameters::TABLE_1, method)?;
     save(folder, name, &bytes)?;
-    let decoded = qmd::decode(&bytes)?;
-    let report = metrics::compare(&original.skeleton, &original.motion, &decoded, bytes.len() as u64)?;
-    println!(
-        "{title:<21} {:>7}    {:>10.5} cm      {:>8.4} cm",
-        bytes.len(),
-        report.mean_joint_cm,
-        report.max_joint_cm
-    );
+    print_errors(title, original, &qmd::decode(&bytes)?, bytes.len())?;
     Ok(bytes)
+}
+
+/// Encodes with dpcm, prints how well that went, and draws the motion before and after.
+fn encode_dpcm(folder: &Path, original: &mocap::Clip) -> Result<()> {
+    let encoder = Encoder::new(&original.skeleton, &original.motion)?;
+    let evaluator = Evaluator::new(&original.skeleton, &original.motion)?;
+    let encoding = Encoding::new(CodecId::Dpcm);
+    let bytes = encoder.encode_to(&encoding, Target::Error(TARGET_CM), &evaluator)?.bytes;
+    save(folder, "walk.mclip", &bytes)?;
+    let decoded = mclip::decode(&bytes)?;
+    print_errors("dpcm, about 1 mm off", original, &decoded, bytes.len())?;
+    let floats = original.motion.frames() * original.motion.channels * 4;
+    let title = format!(
+        "{} channels, {} frames. Grey: recorded, {floats} bytes. Red: decoded from {} bytes.",
+        original.motion.channels,
+        original.motion.frames(),
+        bytes.len()
+    );
+    let svg = filmstrip(&original.skeleton, &original.motion, &decoded, FIGURES, &title)?;
+    save(folder, "picture.svg", svg.as_bytes())
+}
+
+fn print_errors(title: &str, original: &mocap::Clip, decoded: &Motion, bytes: usize) -> Result<()> {
+    let report = metrics::compare(&original.skeleton, &original.motion, decoded, bytes as u64)?;
+    let (mean, worst) = (report.mean_joint_cm, report.max_joint_cm);
+    println!("{title:<21} {bytes:>7}    {mean:>10.5} cm      {worst:>8.4} cm");
+    Ok(())
 }

@@ -106,7 +106,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         }
     }
     complaints.iter().for_each(|complaint| eprintln!("bunraku: {complaint}"));
-    Ok(if complaints.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(crate::FAILED) })
+    Ok(if complaints.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn read_budget(path: &Path) -> Result<Budget> {

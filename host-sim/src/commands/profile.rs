@@ -390,5 +390,5 @@ fn check(report: &Report, budget: Option<Budget>, baseline: Option<&Baseline>) -
         complaints.extend(baseline.risen(report)?);
     }
     complaints.iter().for_each(|complaint| eprintln!("bunraku: {complaint}"));
-    Ok(if complaints.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(crate::FAILED) })
+    Ok(if complaints.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

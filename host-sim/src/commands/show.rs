@@ -72,7 +72,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         print(&program, &played, &summary);
     }
     let good = summary.outside_limits == 0 && summary.fault.is_none();
-    Ok(if good { ExitCode::SUCCESS } else { ExitCode::from(crate::FAILED) })
+    Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn print(program: &Program, played: &PlayedShow, summary: &Summary) {

@@ -117,14 +117,14 @@ pub fn run(args: Args) -> Result<ExitCode> {
                 "bunraku: {} takes {} bytes, not the paper's {} KiB",
                 row.trial, row.bytes, row.paper_kib
             );
-            code = ExitCode::from(crate::FAILED);
+            code = ExitCode::FAILURE;
         }
         if row.mean_joint_cm > AIM * row.faithful_mean_joint_cm {
             eprintln!(
                 "bunraku: {}: the error is 1/{:.1} of the faithful one's, not 1/20",
                 row.trial, row.ratio
             );
-            code = ExitCode::from(crate::FAILED);
+            code = ExitCode::FAILURE;
         }
     }
     Ok(code)
@@ -254,7 +254,7 @@ fn packed(args: &Args) -> Result<ExitCode> {
                 row.paper_bytes,
                 100.0 * point.most_part,
             );
-            code = ExitCode::from(crate::FAILED);
+            code = ExitCode::FAILURE;
         }
     }
     Ok(code)

@@ -98,7 +98,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     match args.most {
         Some(most) if share * 100.0 > most => {
             eprintln!("bunraku: awake {:.3} % of the time, expected at most {most} %", share * 100.0);
-            Ok(ExitCode::from(crate::FAILED))
+            Ok(ExitCode::FAILURE)
         }
         _ => Ok(ExitCode::SUCCESS),
     }

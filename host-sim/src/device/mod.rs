@@ -8,7 +8,7 @@ use crate::flash::Flash;
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::mclip::Needs;
 use decoder_core::{I16F16, Limits};
-use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
+use firmware::clips::{Clips, DecoderMemory, Mailbox, Worker, decode};
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::device::{Device, Identity};
 use firmware::fault::Feedback;
@@ -35,6 +35,9 @@ const CHANNELS: usize = 256;
 
 /// 16-bit words for entropy stages and windows of each decoder.
 const WORDS: usize = 32_768;
+
+/// Entry points that a decoder finds without looking through the clip.
+const ENTRIES: usize = 4096;
 
 /// Bytes of the buffer for streamed blocks: half a second and more of most clips.
 const STREAM_BYTES: usize = 8192;
@@ -133,7 +136,7 @@ fn live(config: &Config) -> &'static Live<'static> {
 /// A decoder.
 fn worker(live: &'static Live<'static>) -> Worker<'static, 'static> {
     let mailbox: &'static Mailbox<'static> = leak(Mailbox::new());
-    let memory = leak(Workspace::<CHANNELS, CHANNELS, WORDS>::new());
+    let memory = leak(DecoderMemory::<CHANNELS, { 4 * CHANNELS }, WORDS, ENTRIES>::new());
     let task = leak(Box::pin(decode(mailbox, memory, live)));
     Worker::new(task.as_mut(), mailbox, leak([I16F16::ZERO; CHANNELS]))
 }

@@ -6,7 +6,7 @@ use bunraku_fuzz::mutate::mutate;
 use decoder_core::mclip::{CodecId, Needs};
 use decoder_core::{I16F16, Limits};
 use encoder::mclip::{Encoder, Encoding, Quality};
-use firmware::clips::{Clips, LIVE, Mailbox, Worker, Workspace, decode};
+use firmware::clips::{Clips, DecoderMemory, LIVE, Mailbox, Worker, decode};
 use firmware::clock::Speed;
 use firmware::device::{Device, Identity};
 use firmware::fault::Feedback;
@@ -45,8 +45,11 @@ pub fn shelf() -> DecoderList {
         forever(Live::new(Memory { buffer: forever([0; 6000]), player }, settings));
     let worker = || {
         let mailbox: &'static Mailbox<'static> = forever(Mailbox::new());
-        let task =
-            forever(Box::pin(decode(mailbox, forever(Workspace::<CHANNELS, CHANNELS, WORDS>::new()), live)));
+        let task = forever(Box::pin(decode(
+            mailbox,
+            forever(DecoderMemory::<CHANNELS, { 4 * CHANNELS }, WORDS, 16>::new()),
+            live,
+        )));
         Worker::new(task.as_mut(), mailbox, forever([I16F16::ZERO; CHANNELS]))
     };
     let layout = Layout { directory: [0, SECTOR as u32], clips: 2 * SECTOR as u32..64 * SECTOR as u32 };

@@ -12,11 +12,25 @@ pub type Module = Vec<String>;
 pub struct Files {
     pub of_module: BTreeMap<Module, PathBuf>,
     pub parsed: Vec<(Module, PathBuf, syn::File)>,
+    /// Files and folders of modules that are there for tests only.
+    tests: Vec<PathBuf>,
 }
 
 impl Files {
+    /// Reads a crate from its root file on.
+    pub fn of_crate(root: &Path) -> Self {
+        let mut files = Self::default();
+        files.read(Module::new(), root.to_owned());
+        let folder = root.with_file_name("");
+        // Beside a `main.rs` a file may be the program's or the library's; there, `mod` lines alone count.
+        if !folder.join("main.rs").exists() {
+            files.read_others(&folder);
+        }
+        files
+    }
+
     /// Reads a module's file and those of its children.
-    pub fn read(&mut self, module: Module, file: PathBuf) {
+    fn read(&mut self, module: Module, file: PathBuf) {
         let text = fs::read_to_string(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
         let parsed = syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
         let is_root = ["lib.rs", "main.rs", "mod.rs"].iter().any(|name| file.ends_with(name));
@@ -26,13 +40,35 @@ impl Files {
         self.parsed.push((module, file, parsed));
     }
 
+    /// Reads the files below a crate's folder that no `mod` line led to: a macro declares their modules. Those of tests, and
+    /// what lies below them, are left out.
+    fn read_others(&mut self, folder: &Path) {
+        let read: Vec<PathBuf> = self.of_module.values().cloned().collect();
+        let mut others = Vec::new();
+        rust_files(folder, &mut others);
+        others.retain(|file| !read.contains(file) && !self.tests.iter().any(|test| file.starts_with(test)));
+        for file in others {
+            // What an earlier one of these has read by its `mod` lines.
+            if self.of_module.values().any(|known| *known == file) {
+                continue;
+            }
+            let inside = file.strip_prefix(folder).expect("a file below the folder").with_extension("");
+            let mut module: Module = inside.iter().map(|name| name.to_string_lossy().into_owned()).collect();
+            if module.last().is_some_and(|name| name == "mod") {
+                module.pop();
+            }
+            self.read(module, file);
+        }
+    }
+
     fn read_children(&mut self, module: &Module, file: &Path, folder: &Path, items: &[syn::Item]) {
         for item in items {
             let syn::Item::Mod(child) = item else { continue };
+            let name = child.ident.to_string();
             if is_test(&child.attrs) {
+                self.tests.extend([folder.join(format!("{name}.rs")), folder.join(name)]);
                 continue;
             }
-            let name = child.ident.to_string();
             let path: Module = module.iter().cloned().chain([name.clone()]).collect();
             if let Some((_, items)) = &child.content {
                 self.of_module.insert(path.clone(), file.to_owned());
@@ -78,4 +114,18 @@ pub fn is_test(attributes: &[syn::Attribute]) -> bool {
         attribute.path().is_ident("cfg")
             && attribute.parse_args::<syn::Path>().is_ok_and(|condition| condition.is_ident("test"))
     })
+}
+
+/// Files of Rust below a folder, `mod.rs` before what is beside it.
+fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
+    let mut entries: Vec<PathBuf> =
+        fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()).collect();
+    entries.sort_by_key(|path| (path.is_dir(), !path.ends_with("mod.rs"), path.clone()));
+    for entry in entries {
+        if entry.is_dir() {
+            rust_files(&entry, found);
+        } else if entry.extension().is_some_and(|extension| extension == "rs") {
+            found.push(entry);
+        }
+    }
 }

@@ -11,7 +11,7 @@ use embedded_hal::digital::{InputPin, OutputPin};
 use embedded_hal::pwm::SetDutyCycle;
 use embedded_hal_async::i2c::I2c;
 use embedded_io_async::{Read, Write};
-use firmware::clips::{Clips, Mailbox, Worker, Workspace, decode};
+use firmware::clips::{Clips, DecoderMemory, Mailbox, Worker, decode};
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::device::{Device, Identity};
 use firmware::fault::Feedback;
@@ -45,7 +45,10 @@ const STREAM: Settings = Settings {
 /// Bytes of the line that are kept between ticks.
 const INPUT: usize = 2048;
 
-type Decoder = Workspace<CHANNELS, { 4 * CHANNELS }, WORDS>;
+/// Entry points that a decoder finds without looking through the clip: those of four minutes at two a second.
+const ENTRIES: usize = 512;
+
+type Decoder = DecoderMemory<CHANNELS, { 4 * CHANNELS }, WORDS, ENTRIES>;
 
 /// What a board brings for its host.
 pub struct Host<H, F> {

@@ -151,8 +151,12 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoReader for 
         places: &[u8],
         readings: &mut [Option<Reading>],
     ) -> Result<(), BusError> {
-        let asked: Vec<u8, MAX_SERVOS> =
-            places.iter().filter_map(|&place| ids.get(usize::from(place)).copied()).collect();
+        let mut asked = Vec::<u8, MAX_SERVOS>::new();
+        let known = places.iter().filter_map(|&place| ids.get(usize::from(place)).copied());
+        // There is room for as many; `collect` panics where there are more.
+        known.take(MAX_SERVOS).for_each(|id| {
+            let _ = asked.push(id);
+        });
         let mut restarted = 0;
         let mut turn = AnswerOrder::default();
         let fast = self.fast;

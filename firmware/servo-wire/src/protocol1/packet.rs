@@ -63,7 +63,7 @@ fn checksum(bytes: &[u8]) -> u8 {
 /// # Errors
 /// [`BusError::TooMany`] when the buffer or 255 as the greatest length does not hold it.
 pub fn write<'b>(buffer: &'b mut [u8], id: u8, code: u8, parts: &[&[u8]]) -> Result<&'b [u8], BusError> {
-    let parameters: usize = parts.iter().map(|part| part.len()).sum();
+    let parameters: usize = parts.iter().fold(0, |sum: usize, part| sum.saturating_add(part.len()));
     if parameters > MAX_PARAMETERS {
         return Err(BusError::TooMany);
     }

@@ -107,7 +107,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let after = Puppet::read(&args.puppet)?;
     if let Err(mistakes) = after.check(channels::of_clips(&after, None)?) {
         mistakes.iter().for_each(|mistake| eprintln!("bunraku: {mistake:#}"));
-        return Ok(ExitCode::from(crate::FAILED));
+        return Ok(ExitCode::FAILURE);
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -86,7 +86,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
             } else {
                 sentences.iter().for_each(|mistake| eprintln!("bunraku: {mistake}"));
             }
-            return Ok(ExitCode::from(crate::FAILED));
+            return Ok(ExitCode::FAILURE);
         }
     };
     let demands = match &clip {
@@ -102,7 +102,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     } else {
         print(&report, &args.clip);
     }
-    Ok(if report.fits { ExitCode::SUCCESS } else { ExitCode::from(crate::FAILED) })
+    Ok(if report.fits { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn report<'a>(

@@ -113,7 +113,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         amiss.iter().for_each(|sentence| println!("{sentence}"));
     }
     let good = amiss.is_empty() && !found.is_empty();
-    Ok(if good { ExitCode::SUCCESS } else { ExitCode::from(crate::FAILED) })
+    Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn wanted(args: &Args) -> Result<Vec<Wanted>> {

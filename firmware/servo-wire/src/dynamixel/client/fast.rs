@@ -56,7 +56,8 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelClient<
         each: impl FnMut(usize, Answer<'_>),
     ) -> Result<usize, BusError> {
         let lens = items.iter().map(|item| usize::from(item.len));
-        Self::joint_room(items.len(), lens.clone().max().unwrap_or(0), lens.sum())?;
+        let sum = lens.clone().fold(0, usize::saturating_add);
+        Self::joint_room(items.len(), lens.max().unwrap_or(0), sum)?;
         self.send_bulk_read(Instruction::FastBulkRead, items).await?;
         self.collect_joint(items.iter().map(|item| (item.id, usize::from(item.len))), each).await
     }
@@ -74,13 +75,15 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelClient<
         mut each: impl FnMut(usize, Answer<'_>),
     ) -> Result<usize, BusError> {
         let parts = asked.clone().map(|(_, len)| PART.saturating_add(len));
-        let (servos, bytes) = (parts.clone().count(), parts.sum::<usize>());
+        let add =
+            |(servos, bytes): (usize, usize), part| (servos.saturating_add(1), bytes.saturating_add(part));
+        let (servos, bytes) = parts.fold((0, 0), add);
         let length = bytes.saturating_add(1) as u16;
         let [h0, h1, h2, h3] = HEADER;
         let [low, high] = length.to_le_bytes();
         let start = [h0, h1, h2, h3, BROADCAST_ID, low, high, Instruction::Status as u8];
         let Self { port, packet, .. } = self;
-        let mut asked = asked.enumerate();
+        let mut asked = (0..usize::MAX).zip(asked);
         let mut part = asked.next();
         let (mut window, mut len, mut good) = ([0; START], None, 0);
         let mut before = crc::update(0, &start);

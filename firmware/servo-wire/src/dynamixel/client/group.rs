@@ -116,7 +116,7 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelClient<
         let limit = self.port.line().reply_limit_us(bytes, servos);
         let (mut heard, mut good) = (Seen::default(), 0);
         let result = self.statuses(limit, |status| {
-            let place = asked.clone().enumerate().find(|(_, (id, _))| *id == status.id);
+            let place = (0..usize::MAX).zip(asked.clone()).find(|(_, (id, _))| *id == status.id);
             let Some((place, (id, len))) = place else { return ControlFlow::Continue(()) };
             match answer_of(status, len) {
                 Ok(None) => return ControlFlow::Continue(()),
