@@ -29,9 +29,9 @@ fn decode() -> Result<(), Box<dyn Error>> {
     };
     let mut out = BufWriter::new(io::stdout().lock());
     if bytes.starts_with(&mclip::MAGIC) {
-        mclip(&bytes, &mut out)?
+        mclip(&bytes, &mut out)?;
     } else {
-        qmd(&bytes, &mut out)?
+        qmd(&bytes, &mut out)?;
     }
     Ok(out.flush()?)
 }

@@ -7,6 +7,7 @@
 //!     cargo xtask api
 //!
 //! and say in the commit whether users have to change their code.
+#![allow(clippy::unwrap_used)]
 
 mod modules;
 

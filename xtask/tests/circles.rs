@@ -3,6 +3,7 @@
 //! A file needs another one where a path of it (in a `use` line or in an expression) leads there: `crate::…`, `super::…`,
 //! `self::…`, or a module's own child. A path leads to the file of the last module in it, so what a `mod.rs` re-exports
 //! is needed from the `mod.rs`. What only tests have (`#[cfg(test)]`) does not count.
+#![allow(clippy::unwrap_used)]
 
 mod modules;
 

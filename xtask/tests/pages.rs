@@ -1,4 +1,5 @@
 //! What README and docs name is there, and their lines are short.
+#![allow(clippy::unwrap_used)]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -217,7 +217,7 @@ impl ScalarCodec<'_> for Adpcm {
             (Prediction::Fixed, Steps::Fixed) => codes.uniform(pose, states, &Second),
             #[cfg(feature = "adaptive-step")]
             (Prediction::Fixed, Steps::Adaptive(quantiser)) => {
-                serial(pose, states, &Second, quantiser, codes)
+                serial(pose, states, &Second, quantiser, codes);
             }
             #[cfg(feature = "adaptive-predictor")]
             (Prediction::Adaptive(_), steps) if clock.rows > 0 => {

@@ -14,12 +14,13 @@ use std::path::{Path, PathBuf};
 pub struct Error {
     path: PathBuf,
     place: Option<Place>,
-    problem: Problem,
+    /// In a box: the largest problems have several names, and a result should be small.
+    problem: Box<Problem>,
 }
 
 impl Error {
     pub(crate) fn new(path: &Path, place: Option<Place>, problem: impl Into<Problem>) -> Self {
-        Self { path: path.to_owned(), place, problem: problem.into() }
+        Self { path: path.to_owned(), place, problem: Box::new(problem.into()) }
     }
 
     /// The file.
@@ -33,7 +34,7 @@ impl Error {
     }
 
     /// What is wrong.
-    pub const fn problem(&self) -> &Problem {
+    pub fn problem(&self) -> &Problem {
         &self.problem
     }
 }
@@ -41,7 +42,7 @@ impl Error {
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let path = self.path.display();
-        match (&self.problem, &self.place) {
+        match (self.problem(), &self.place) {
             (Problem::Read(error), _) => write!(f, "cannot read {path}: {error}"),
             (problem, Some(place)) => write!(f, "{path}{place}: {problem}"),
             (problem, None) => write!(f, "{path}: {problem}"),

@@ -256,9 +256,8 @@ mod tests {
 
     #[test]
     fn the_skeleton_lies_beside_the_puppet() {
-        let text = format!(
-            "skeleton = '02.asf'\nservo_hz = 50\nbaud = 1\n[[joint]]\nname = 'elbow'\nchannel = 'rradius.rx'\nid = 3\nrange = [-90, 10]\nmax_speed = 90"
-        );
+        let text = "skeleton = '02.asf'\nservo_hz = 50\nbaud = 1\n[[joint]]\nname = 'elbow'\nchannel = 'rradius.rx'\nid = 3\nrange = [-90, 10]\nmax_speed = 90"
+            .to_owned();
         let puppet = Puppet::parse(Path::new("some/puppet.toml"), text).unwrap();
         assert_eq!(puppet.skeleton(), Some(PathBuf::from("some/02.asf")));
     }
