@@ -26,7 +26,7 @@ impl Memory {
 #[allow(clippy::large_enum_variant, reason = "there are few, and nowhere to box them")]
 pub enum Decoder<'s> {
     Qmd(qmd::Decoder<'static, 's>),
-    Mclip(mclip::Decoder<'static, 's>),
+    Mclip(mclip::Decoder<'s, 's>),
 }
 
 impl<'s> Decoder<'s> {
