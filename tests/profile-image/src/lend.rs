@@ -11,11 +11,15 @@ use decoder_core::mclip::State;
 /// They are.
 pub unsafe trait Zero {}
 
-// SAFETY: all of them are integers, or made of integers alone.
+// SAFETY: an integer.
 unsafe impl Zero for u16 {}
+// SAFETY: an integer.
 unsafe impl Zero for u32 {}
+// SAFETY: an integer.
 unsafe impl Zero for i32 {}
+// SAFETY: an integer in a struct.
 unsafe impl Zero for I16F16 {}
+// SAFETY: a struct of integers alone.
 unsafe impl Zero for State {}
 
 /// RAM after the image's own. An image has one of these.
