@@ -24,6 +24,12 @@ macro_rules! settings {
             pub mod $module;
         )*
 
+        // An encoder decodes what it makes, so a codec that was forgotten in decoder-core's default features shows here.
+        $(const _: () = assert!(
+            CodecId::$Codec.is_linked(),
+            concat!("put the feature ", $name, " of decoder-core into its `default`")
+        );)*
+
         /// A codec with its settings.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub enum CodecSettings {
