@@ -96,7 +96,7 @@ macro_rules! impl_servo_bus {
 /// Up to `N` buses as one: the first servos are on the first bus, those behind them on the next.
 ///
 /// A bus that fails never keeps another from being served: the first error is returned after all had their turn.
-/// Buses of different kinds are joined as the variants of an enum, see [`impl_servo_bus`](crate::impl_servo_bus).
+/// Buses of different kinds are joined as the variants of an enum, see [`impl_servo_bus`](crate::impl_servo_bus!).
 #[derive(Debug)]
 pub struct JoinedBuses<B, const N: usize> {
     /// Each bus, with the number of its servos.

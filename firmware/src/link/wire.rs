@@ -1,7 +1,7 @@
 //! The bytes of messages: numbers, options, texts and lists, and how a choice gets its number.
 //!
 //! The encoding is that of [postcard](https://postcard.jamesmunns.com/wire-format), with the numbers of choices written down
-//! ([`numbers`](super::numbers)) instead of counted from the order of Rust's variants. Nothing here allocates or panics.
+//! (`numbers`) instead of counted from the order of Rust's variants. Nothing here allocates or panics.
 
 use super::cobs_writer::CobsWriter;
 use heapless::{String, Vec};

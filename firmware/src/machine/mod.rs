@@ -7,7 +7,7 @@
 //!    +--- acknowledge --- Holding, Resting or Limp, with a fault latched  <--- any fault
 //! ```
 //!
-//! Pure: a tick takes what the last one has shown ([`Feedback`]) and gives a [`TickOutput`]. [`control_loop`](mod@crate::control_loop) carries
+//! Pure: a tick takes what the last one has shown ([`Feedback`](crate::fault::Feedback)) and gives a [`TickOutput`]. [`control_loop`](mod@crate::control_loop) carries
 //! it out. No goal ever leaves a servo's range, or moves faster or with more acceleration than the map allows; that
 //! is [`limits`](crate::limits), behind everything here.
 

@@ -129,7 +129,7 @@ pub fn sweep_all(motions: &[Named], curves: &[Curve], done: &(dyn Fn() + Sync)) 
     Ok(all)
 }
 
-/// How many encodes [`run`] does.
+/// How many encodes [`sweep_all`] does.
 pub fn len(motions: &[Named], curves: &[Curve]) -> usize {
     let of = |curve: &Curve| {
         motions.iter().map(|named| curve.qualities(named.clip.motion.channels).len()).sum::<usize>()

@@ -26,7 +26,7 @@ pub trait ScalarEncode: Encode {
         column.record_in_steps(choice)
     }
 
-    /// The best way to code every channel with codes of `bits` bits, from 1 to [`most_bits`](Self::most_bits).
+    /// The best way to code every channel with codes of `bits` bits, from 1 to [`most_bits`](Encode::most_bits).
     ///
     /// # Errors
     /// [`EncodeError::Refused`] where a setting is outside what the format has.
@@ -35,7 +35,7 @@ pub trait ScalarEncode: Encode {
     /// The best way to code every channel with steps of so many words, one for each channel.
     ///
     /// # Errors
-    /// [`EncodeError::NoFreeSteps`] unless [`has_free_steps`](Self::has_free_steps), and [`EncodeError::Refused`] where a
+    /// [`EncodeError::NoFreeSteps`] unless [`has_free_steps`](Encode::has_free_steps), and [`EncodeError::Refused`] where a
     /// setting is outside what the format has.
     fn allocate_steps(&self, task: &Task<'_>, steps: &[f64]) -> Result<Allocation, EncodeError>;
 }
