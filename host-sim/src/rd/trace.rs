@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn an_unknown_channel_and_too_many_bits_are_told() {
         let error = |channel: &str, bits| {
-            trace(&sample(), channel, &[Curve::mulaw()], &[bits]).unwrap_err().to_string()
+            format!("{:#}", trace(&sample(), channel, &[Curve::mulaw()], &[bits]).unwrap_err())
         };
         assert_eq!(
             error("rradus.rx", 3),

@@ -46,7 +46,7 @@ const STREAM: Settings = Settings {
 const INPUT: usize = 2048;
 
 /// Entry points that a decoder finds without looking through the clip: those of four minutes at two a second.
-const ENTRIES: usize = 512;
+const ENTRIES: usize = 32;
 
 type Decoder = DecoderMemory<CHANNELS, { 4 * CHANNELS }, WORDS, ENTRIES>;
 
