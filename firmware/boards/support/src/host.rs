@@ -45,7 +45,7 @@ const STREAM: Settings = Settings {
 /// Bytes of the line that are kept between ticks.
 const INPUT: usize = 2048;
 
-/// Entry points that a decoder finds without looking through the clip: those of four minutes at two a second.
+/// Entry points that a decoder finds without looking through the clip. Of a longer clip the index has every second one, or fewer.
 const ENTRIES: usize = 32;
 
 type Decoder = DecoderMemory<CHANNELS, { 4 * CHANNELS }, WORDS, ENTRIES>;
