@@ -15,8 +15,8 @@
 //! // What this caller is ready to hold; a clip with more is refused.
 //! let limits = Limits { channels: 8, frames: 1000 };
 //! let clip = Clip::parse(bytes, limits)?.verify()?;
-//! // Room for 8 channels. This clip's codec needs no words or halves of words besides.
-//! let mut memory = Workspace::<8, 0, 0>::EMPTY;
+//! // Room for 8 channels, and for the table of this clip's Huffman codes.
+//! let mut memory = Workspace::<8, 0, 2048>::EMPTY;
 //! let mut decoder = clip.decoder(memory.lend())?;
 //! while let Some(pose) = decoder.next_frame()? {
 //!     // The value of each channel, in the order of `clip.header().channels()`.
