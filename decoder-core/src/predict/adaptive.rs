@@ -211,8 +211,7 @@ mod tests {
         for n in 0..2000 {
             let x = ((f64::from(n) * 0.3).sin() * 20.0 * 65536.0) as i32;
             if n > 200 {
-                let expected =
-                    predict(solve(Correlation::sums(&words)), Correlation(&mut words).movements());
+                let expected = predict(solve(Correlation::sums(&words)), Correlation(&mut words).movements());
                 own += f64::from(before[0] + expected - x).abs();
                 naive += f64::from(2 * before[0] - before[1] - x).abs();
             }
