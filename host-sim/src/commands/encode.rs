@@ -1,6 +1,7 @@
 //! `bunraku encode`: motion capture in, a compressed clip out.
 
 use super::codec;
+use super::fit_table;
 use super::input::{self, Quality, is_mclip};
 use anyhow::{Context, Result};
 use decoder_core::mclip::{CodecId, EntropyId};
@@ -95,7 +96,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if let Some(bits) = args.bits.filter(|bits| !(low..=high).contains(bits)) {
         usage(&format!("{output}: --bits is {bits}, expected {low} to {high}"));
     }
-    let clip = args.source.load(&args.input)?;
+    let (clip, fitted) = args.source.load_fitted(&args.input)?;
+    if let Some(report) = &fitted {
+        eprint!("{}", fit_table::table(report));
+    }
     let bytes = if in_blocks {
         mclip(&args, &encoding, &clip)
     } else {
@@ -110,6 +114,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let report = serde_json::json!({
             "output": args.output, "frames": frames, "channels": channels, "fps": clip.motion.fps,
             "bytes": bytes.len(), "ratio_f32": ratio, "bits_per_s": rate, "codec": codec.name(),
+            "fit": fitted,
         });
         println!("{report:#}");
     } else {
