@@ -41,6 +41,25 @@ pub fn rotation(axis: usize, degrees: f64) -> Matrix {
     matrix
 }
 
+/// Rotation by `degrees` about a unit vector, right-handed (Rodrigues' formula).
+pub fn about(axis: [f64; 3], degrees: f64) -> Matrix {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let [x, y, z] = axis;
+    let cross = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| cos * IDENTITY[i][j] + sin * cross[i][j] + (1.0 - cos) * axis[i] * axis[j])
+    })
+}
+
+/// How far a rotation turns, in degrees from 0 to 180, about whatever axis.
+///
+/// To about 1e-8 degrees near 0 and 180 too, where the trace alone loses half the digits.
+pub fn turned(rotation: &Matrix) -> f64 {
+    let [[a, b, c], [d, e, f], [g, h, i]] = *rotation;
+    let twice_sin = (h - f).hypot(c - g).hypot(d - b);
+    twice_sin.atan2(a + e + i - 1.0).to_degrees()
+}
+
 /// Product `a · b`.
 pub fn multiply(a: &Matrix, b: &Matrix) -> Matrix {
     std::array::from_fn(|row| std::array::from_fn(|column| (0..3).map(|k| a[row][k] * b[k][column]).sum()))
@@ -92,6 +111,21 @@ mod tests {
             let to = apply(&rotation(axis, 90.0), from);
             assert!((to[(axis + 2) % 3] - 1.0).abs() < 1e-15, "{axis}: {to:?}");
         }
+    }
+
+    #[test]
+    fn a_turn_about_an_axis_is_that_rotation() {
+        for (k, axis) in IDENTITY.into_iter().enumerate() {
+            for degrees in [-170.0, -1e-7, 0.0, 30.0, 179.0] {
+                let (found, expected) = (about(axis, degrees), rotation(k, degrees));
+                let pairs = found.as_flattened().iter().zip(expected.as_flattened());
+                assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-15), "{k} {degrees}");
+                assert!((turned(&found) - degrees.abs()).abs() < 1e-7, "{k} {degrees}");
+            }
+        }
+        let diagonal = [1.0, 1.0, 1.0].map(|part: f64| part / 3.0_f64.sqrt());
+        let moved = apply(&about(diagonal, 120.0), [1.0, 0.0, 0.0]);
+        assert!((moved[1] - 1.0).abs() < 1e-15, "x goes to y: {moved:?}");
     }
 
     #[test]

@@ -31,6 +31,8 @@ struct Link {
     offset: [f64; 3],
     /// The joint's own axes at rest, or nothing if they are the parent's.
     axes: Option<[[f64; 3]; 3]>,
+    /// From the world's axes to the joint's own at rest.
+    to_own: Matrix,
     /// In the joint's own axes.
     tail: [f64; 3],
     translations: Vec<(usize, usize)>,
@@ -59,6 +61,7 @@ impl Kinematics {
                 parent: joint.parent,
                 offset: angles::apply(&from_parent, joint.offset),
                 axes: (rest != angles::IDENTITY).then(|| angles::transpose(&rest)),
+                to_own,
                 tail,
                 translations: translations.filter_map(axis).collect(),
                 rotations: joint.rotations.iter().copied().filter_map(axis).collect(),
@@ -86,6 +89,21 @@ impl Kinematics {
     /// If `pose` has not one value per channel, or `out` not one element per joint.
     pub fn positions(&mut self, pose: &[f64], out: &mut [[f64; 3]]) {
         self.walk(pose, out, |_, _, _| {});
+    }
+
+    /// Writes the rotation of every joint's bone from its rest pose to `out`, in the world's axes.
+    ///
+    /// At rest all are the identity; a joint without rotations has its parent's.
+    ///
+    /// # Panics
+    /// If `pose` has not one value per channel, or `out` not one element per joint.
+    pub fn rotations(&mut self, pose: &[f64], out: &mut [Matrix]) {
+        assert_eq!(out.len(), self.links.len(), "rotations of joints");
+        let mut positions = vec![[0.0; 3]; self.links.len()];
+        self.walk(pose, &mut positions, |_, _, _| {});
+        for ((rotation, frame), link) in out.iter_mut().zip(&self.frames).zip(&self.links) {
+            *rotation = angles::multiply(&angles::transpose(&frame.axes), &link.to_own);
+        }
     }
 
     /// As [`positions`](Self::positions), and tells `visit` for every channel of a joint the point and the

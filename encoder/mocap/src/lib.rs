@@ -3,6 +3,7 @@
 //! - [`import`] reads ASF/AMC and BVH; [`export`] writes AMC, BVH and CSV.
 //! - A [`Clip`] is a [`Skeleton`] (joints and named channels) and a [`Motion`] (frames of channel values).
 //!   Rotations are in degrees and lengths in centimetres, whatever the file's units were.
+//! - [`body`] says which joint is which part of the body, and how each bone is turned from the T-pose.
 //! - [`kinematics`] says where a pose puts the joints, and how far each channel moves them.
 //! - [`metrics`] compares a motion with its original, in centimetres and in degrees.
 //! - [`sample`] is a clip from formulas, for tests and examples: it needs no file.
@@ -33,6 +34,7 @@
 #![forbid(unsafe_code)]
 
 pub mod angles;
+pub mod body;
 mod clip;
 pub mod export;
 pub mod import;

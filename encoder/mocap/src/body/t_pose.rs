@@ -1,0 +1,276 @@
+//! The rotation of each bone from the T-pose, whatever the skeleton's rest pose is.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use super::figure::Body;
+use super::part::{Part, Side};
+use super::tree::{Tree, add, cross, dot, length, subtract, unit};
+use crate::angles::{self, IDENTITY, Matrix};
+use crate::kinematics::Kinematics;
+use crate::skeleton::Skeleton;
+
+/// Axes of the figure: x to its left, y up, z forward.
+const LEFT: [f64; 3] = [1.0, 0.0, 0.0];
+const UP: [f64; 3] = [0.0, 1.0, 0.0];
+const FORWARD: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// A frame of the figure this near to the world's axes, in degrees, is meant to be along them.
+const NEAR_AXES: f64 = 30.0;
+
+/// The spine, neck, head and hands may be so far from straight at rest, in degrees, and still be as in a T-pose: backs
+/// and necks are curved. What is farther off is no T-pose, and is brought there.
+const CURVED: f64 = 45.0;
+
+/// The same for feet: the ankle is higher than the toes.
+const SLOPING: f64 = 70.0;
+
+/// The T-pose of a skeleton, prepared for many poses.
+///
+/// In the T-pose the figure stands upright, its arms out to the sides, and faces along z. It is found in two steps.
+/// 1. The figure's axes: up is from the hips to the spine, left from the right thigh to the left one (else by the
+///    shoulders). They are the world's where these are within 30 degrees.
+/// 2. From the hips on outwards, every bone is as at rest, moved by what its parent was moved. Upper arms, forearms,
+///    thighs and shins are then brought to their direction in the T-pose by the least rotation. Spine, chest, neck,
+///    head and hands are so only where they are more than 45 degrees from it, feet and toes where more than 70.
+///
+/// Where all bones are along one axis at rest (as in exports of some programs), the twist of a limb about itself is
+/// not told by the skeleton. Its direction is right then, and its twist is off by a constant.
+#[derive(Clone, Debug)]
+pub struct TPose {
+    kinematics: Kinematics,
+    /// From world to figure axes.
+    axes: Matrix,
+    /// For each joint what follows its rotation from rest: from figure axes in the T-pose to the world at rest.
+    before: Vec<Matrix>,
+    directions: Vec<[f64; 3]>,
+}
+
+impl TPose {
+    /// Prepares the T-pose of a skeleton with this body.
+    pub fn of(skeleton: &Skeleton, body: &Body) -> Self {
+        let tree = Tree::of(skeleton);
+        let axes = figure_axes(&tree, body);
+        let joints = skeleton.joints.len();
+        // Rotations from rest to the T-pose, in figure axes.
+        let mut turns: Vec<Matrix> = Vec::with_capacity(joints);
+        let mut directions: Vec<[f64; 3]> = Vec::with_capacity(joints);
+        for joint in 0..joints {
+            let (mut turn, above) =
+                tree.parents[joint].map_or((IDENTITY, UP), |parent| (turns[parent], directions[parent]));
+            let rest = angles::apply(&axes, aim(&tree, body, joint));
+            let part = body.part(joint);
+            if let (Some(part), Some(rest)) = (part, unit(rest)) {
+                let (wanted, tolerance) = direction_of(part);
+                let found = angles::apply(&turn, rest);
+                if degrees_between(found, wanted) > tolerance {
+                    turn = angles::multiply(&least_turn(found, wanted), &turn);
+                }
+            }
+            if part == Some(Part::Chest) {
+                turn = angles::multiply(&twist_of_chest(&tree, body, &axes, &turn), &turn);
+            }
+            turns.push(turn);
+            directions.push(unit(rest).map_or(above, |rest| angles::apply(&turn, rest)));
+        }
+        let back = angles::transpose(&axes);
+        let before = turns.iter().map(|turn| angles::multiply(&back, &angles::transpose(turn))).collect();
+        Self { kinematics: Kinematics::new(skeleton), axes, before, directions }
+    }
+
+    /// Writes for every joint the rotation of its bone from the T-pose, in figure axes, to `out`.
+    ///
+    /// In the T-pose all are the identity. The rotation of bone b against bone a is `transpose(out[a]) · out[b]`.
+    /// Costs about as much as forward kinematics.
+    ///
+    /// # Panics
+    /// If `pose` has not one value per channel, or `out` not one element per joint.
+    pub fn rotations(&mut self, pose: &[f64], out: &mut [Matrix]) {
+        self.kinematics.rotations(pose, out);
+        for (rotation, before) in out.iter_mut().zip(&self.before) {
+            *rotation = angles::multiply(&self.axes, &angles::multiply(rotation, before));
+        }
+    }
+
+    /// The direction of a joint's bone in the T-pose, in figure axes: a unit vector.
+    ///
+    /// Where the bone points in a pose is `out[joint]` of [`rotations`](Self::rotations) times it.
+    ///
+    /// # Panics
+    /// If the skeleton has no such joint.
+    pub fn direction(&self, joint: usize) -> [f64; 3] {
+        self.directions[joint]
+    }
+
+    /// The figure's axes in the world at rest: the rows are its left, up and forward.
+    pub const fn axes(&self) -> &Matrix {
+        &self.axes
+    }
+}
+
+/// The direction of a part's bone in the T-pose, and how far off is as good, in degrees.
+const fn direction_of(part: Part) -> ([f64; 3], f64) {
+    match part {
+        // What these are is told by what hangs on them.
+        Part::Hips | Part::Clavicle(_) => (UP, f64::INFINITY),
+        Part::Spine | Part::Chest | Part::Neck | Part::Head => (UP, CURVED),
+        Part::UpperArm(side) | Part::Forearm(side) => ([side.sign(), 0.0, 0.0], 0.0),
+        Part::Hand(side) => ([side.sign(), 0.0, 0.0], CURVED),
+        Part::Thigh(_) | Part::Shin(_) => ([0.0, -1.0, 0.0], 0.0),
+        Part::Foot(_) | Part::Toes(_) => (FORWARD, SLOPING),
+    }
+}
+
+/// From a joint to where its bone ends, at rest: to the next part's joint where there is one.
+fn aim(tree: &Tree, body: &Body, joint: usize) -> [f64; 3] {
+    let next: &[Part] = match body.part(joint) {
+        Some(Part::Hips) => &[Part::Spine, Part::Chest, Part::Neck, Part::Head],
+        Some(Part::Spine) => &[Part::Chest, Part::Neck, Part::Head],
+        Some(Part::Chest) => &[Part::Neck, Part::Head],
+        Some(Part::Neck) => &[Part::Head],
+        Some(Part::Clavicle(side)) => &[Part::UpperArm(side)],
+        Some(Part::UpperArm(side)) => &[Part::Forearm(side)],
+        Some(Part::Forearm(side)) => &[Part::Hand(side)],
+        Some(Part::Thigh(side)) => &[Part::Shin(side)],
+        Some(Part::Shin(side)) => &[Part::Foot(side)],
+        Some(Part::Foot(side)) => &[Part::Toes(side)],
+        Some(Part::Head | Part::Hand(_) | Part::Toes(_)) | None => &[],
+    };
+    for next in next.iter().filter_map(|&part| body.joint(part)) {
+        // A long spine is curved: only as far as the next joint.
+        let path = tree.path(joint, next);
+        let ends = path.iter().map(|&below| subtract(tree.origins[below], tree.origins[joint]));
+        if let Some(end) = ends.into_iter().find(|&end| length(end) > 1e-6) {
+            return end;
+        }
+    }
+    tree.bone(joint)
+}
+
+/// The figure's left, up and forward in the world at rest.
+fn figure_axes(tree: &Tree, body: &Body) -> Matrix {
+    let origin = |part: Part| body.joint(part).map(|joint| tree.origins[joint]);
+    let across = |part: fn(Side) -> Part| {
+        let (left, right) = (origin(part(Side::Left))?, origin(part(Side::Right))?);
+        unit(subtract(left, right))
+            .map(|left_of_right| (left_of_right, add(left, right).map(|sum| sum / 2.0)))
+    };
+    let thighs = across(Part::Thigh);
+    let from = origin(Part::Hips).or(thighs.map(|(_, middle)| middle)).unwrap_or([0.0; 3]);
+    let above = body.joint(Part::Hips).map_or([0.0; 3], |hips| aim(tree, body, hips));
+    let torso = [Part::Spine, Part::Chest, Part::Neck, Part::Head];
+    let up = unit(above)
+        .filter(|_| torso.iter().any(|&part| body.joint(part).is_some()))
+        .or_else(|| torso.iter().filter_map(|&part| origin(part)).find_map(|end| unit(subtract(end, from))))
+        .or_else(|| {
+            let thigh = Side::BOTH.into_iter().find_map(|side| body.joint(Part::Thigh(side)))?;
+            unit(aim(tree, body, thigh).map(|part| -part))
+        })
+        .unwrap_or(UP);
+    let left = thighs
+        .or_else(|| across(Part::UpperArm))
+        .or_else(|| across(Part::Clavicle))
+        .map_or_else(|| unit(cross(up, FORWARD)).unwrap_or(LEFT), |(left, _)| left);
+    let Some(forward) = unit(cross(left, up)) else { return IDENTITY };
+    let Some(left) = unit(cross(up, forward)) else { return IDENTITY };
+    let axes = [left, up, forward];
+    snapped(&axes).unwrap_or(axes)
+}
+
+/// The nearest axes that are along the world's, if they are near.
+fn snapped(axes: &Matrix) -> Option<Matrix> {
+    let near = |axis: [f64; 3]| {
+        let k = (0..3).max_by(|&i, &j| axis[i].abs().total_cmp(&axis[j].abs()))?;
+        let mut along = [0.0; 3];
+        along[k] = axis[k].signum();
+        (degrees_between(axis, along) < NEAR_AXES).then_some(along)
+    };
+    let (left, up) = (near(axes[0])?, near(axes[1])?);
+    Some([left, up, unit(cross(left, up))?])
+}
+
+/// About the figure's up axis, what brings the line of the shoulders to the left, where that is far off.
+fn twist_of_chest(tree: &Tree, body: &Body, axes: &Matrix, turn: &Matrix) -> Matrix {
+    let origin = |part: Part| body.joint(part).map(|joint| tree.origins[joint]);
+    let across =
+        |part: fn(Side) -> Part| unit(subtract(origin(part(Side::Left))?, origin(part(Side::Right))?));
+    let Some(left) = across(Part::Clavicle).or_else(|| across(Part::UpperArm)) else { return IDENTITY };
+    let [x, y, z] = angles::apply(turn, angles::apply(axes, left));
+    match unit([x, 0.0, z]) {
+        Some(level) if y.abs() < FRAC_1_SQRT_2 && degrees_between(level, LEFT) > CURVED => {
+            least_turn(level, LEFT)
+        }
+        _ => IDENTITY,
+    }
+}
+
+fn degrees_between(a: [f64; 3], b: [f64; 3]) -> f64 {
+    length(cross(a, b)).atan2(dot(a, b)).to_degrees()
+}
+
+/// The least rotation that brings a unit vector to another; of opposite ones, about the figure's forward axis or up.
+fn least_turn(from: [f64; 3], to: [f64; 3]) -> Matrix {
+    let axis = cross(from, to);
+    let (sin, cos) = (length(axis), dot(from, to));
+    let Some(axis) = unit(axis) else {
+        if cos > 0.0 {
+            return IDENTITY;
+        }
+        return angles::rotation(if from[2].abs() < FRAC_1_SQRT_2 { 2 } else { 1 }, 180.0);
+    };
+    angles::about(axis, sin.atan2(cos).to_degrees())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clip::Clip;
+    use crate::{export, import, sample};
+
+    /// For every part that the figure has, and every frame, the rotation against the hips.
+    fn against_hips(clip: &Clip) -> Vec<(Part, Vec<Matrix>)> {
+        let body = Body::of(&clip.skeleton);
+        let mut pose = TPose::of(&clip.skeleton, &body);
+        let mut rotations = vec![IDENTITY; clip.skeleton.joints.len()];
+        let hips = body.joint(Part::Hips).expect("hips");
+        let found = Part::ALL.into_iter().filter_map(|part| Some((part, body.joint(part)?)));
+        let mut all: Vec<(Part, usize, Vec<Matrix>)> =
+            found.map(|(part, joint)| (part, joint, Vec::new())).collect();
+        for frame in clip.motion.iter() {
+            pose.rotations(frame, &mut rotations);
+            for (_, joint, course) in &mut all {
+                course.push(angles::multiply(&angles::transpose(&rotations[hips]), &rotations[*joint]));
+            }
+        }
+        all.into_iter().map(|(part, _, course)| (part, course)).collect()
+    }
+
+    /// The largest angle between the two, in degrees, over all frames and parts.
+    fn largest_difference(a: &Clip, b: &Clip) -> f64 {
+        let (a, b) = (against_hips(a), against_hips(b));
+        assert_eq!(a.len(), b.len());
+        let mut largest: f64 = 0.0;
+        for ((part, a), (other, b)) in a.iter().zip(&b) {
+            assert_eq!((part, a.len()), (other, b.len()));
+            for (a, b) in a.iter().zip(b) {
+                largest = largest.max(angles::turned(&angles::multiply(&angles::transpose(a), b)));
+            }
+        }
+        largest
+    }
+
+    fn as_bvh(clip: &Clip) -> Clip {
+        let mut bytes = Vec::new();
+        export::bvh::write(&mut bytes, &clip.skeleton, &clip.motion).expect("a BVH file");
+        let (skeleton, motion) = import::bvh::parse(&bytes, "twin.bvh", 1.0, None).expect("our own BVH file");
+        Clip { skeleton, motion }
+    }
+
+    #[test]
+    fn a_bvh_twin_has_the_same_rotations() {
+        let clip = sample::clip();
+        assert_eq!(against_hips(&clip).len(), 17, "parts of the sample");
+        // The file has six decimals of a degree, and chains of five joints.
+        let difference = largest_difference(&clip, &as_bvh(&clip));
+        assert!(difference < 5e-6, "{difference}");
+    }
+}
