@@ -18,7 +18,7 @@ pub struct Unit {
     pub cm: f64,
 }
 
-/// Names that are read, the plural, and centimetres: those that are guessed come first.
+/// Names that are read, the plural, and centimetres.
 const UNITS: [(&str, &str, f64); 6] = [
     ("m", "metres", 100.0),
     ("cm", "centimetres", 1.0),
@@ -28,11 +28,19 @@ const UNITS: [(&str, &str, f64); 6] = [
     ("ft", "feet", 30.48),
 ];
 
-/// How many of [`UNITS`] are guessed. Feet would be taken for metres, and are rare.
-const GUESSED: usize = 5;
+/// The units that are guessed, and with which heights of the figure in centimetres. Metres, centimetres and millimetres are
+/// far apart, and figures without legs or children are told too; inches and the CMU's unit are near the centimetre, where a
+/// small puppet would be taken for a person, so that only an adult's height tells. Feet are rare.
+const GUESSED: [(&str, f64, f64); 5] = [
+    ("m", 80.0, 270.0),
+    ("cm", 80.0, 270.0),
+    ("mm", 80.0, 270.0),
+    ("inch", 142.0, 210.0),
+    ("cmu", 142.0, 210.0),
+];
 
-/// Height of a person, in centimetres, to which a guess comes nearest, and the lowest and highest that it is trusted with.
-const PERSON: (f64, f64, f64) = (170.0, 80.0, 270.0);
+/// Height of a person, in centimetres, to which a guess comes nearest.
+const PERSON: f64 = 170.0;
 
 impl Unit {
     /// The centimetre.
@@ -129,14 +137,13 @@ pub fn guess(clip: &Clip, root: [f64; 3]) -> Guess {
             height = height.max(high - low.min(-floor));
         }
     }
-    let (ideal, least, most) = PERSON;
-    let off = |cm: f64| (height * cm / ideal).ln().abs();
-    let units = UNITS[..GUESSED].iter();
-    let nearest = units.min_by(|a, b| off(a.2).total_cmp(&off(b.2)));
-    match nearest {
-        Some(&(_, name, cm)) if (least..=most).contains(&(height * cm)) && is_figure(skeleton) => {
-            Guess { unit: Unit { name: name.to_string(), cm }, height_cm: height * cm, sure: true }
-        }
+    let off = |unit: &Unit| (height * unit.cm / PERSON).ln().abs();
+    let fitting = GUESSED.iter().filter_map(|&(name, least, most)| {
+        let unit: Unit = name.parse().ok()?;
+        (least..=most).contains(&(height * unit.cm)).then_some(unit)
+    });
+    match fitting.min_by(|a, b| off(a).total_cmp(&off(b))) {
+        Some(unit) if is_figure(skeleton) => Guess { height_cm: height * unit.cm, unit, sure: true },
         _ => Guess { unit: Unit::centimetre(), height_cm: height, sure: false },
     }
 }
@@ -212,9 +219,10 @@ mod tests {
 
     #[test]
     fn the_unit_in_which_the_figure_is_a_person() {
-        for (name, _, cm) in &UNITS[..GUESSED] {
-            let guess = guess(&person(*cm), [0.0; 3]);
-            assert!(guess.sure && guess.unit.cm == *cm, "{name}: {guess:?}");
+        for (name, _, _) in &GUESSED {
+            let cm = name.parse::<Unit>().expect(name).cm;
+            let guess = guess(&person(cm), [0.0; 3]);
+            assert!(guess.sure && guess.unit.cm == cm, "{name}: {guess:?}");
             assert!((150.0..190.0).contains(&guess.height_cm), "{name}: {guess:?}");
         }
     }
@@ -244,9 +252,7 @@ mod tests {
         let clip = bvh::parse(text.as_bytes(), "x.bvh", 1.0, None).expect("a clip").clip;
         let guess = guess(&clip, [0.0; 3]);
         assert!(!guess.sure && guess.unit.cm == 1.0, "{guess:?}");
-        // A giant or a dwarf in every unit.
-        let mut clip = person(1.0);
-        scale(&mut clip, 0.05);
-        assert!(!super::guess(&clip, [0.0; 3]).sure);
+        // The embedded puppet, which is 55 cm high: as inches it would be a small adult.
+        assert!(!super::guess(&sample::clip(), [0.0; 3]).sure);
     }
 }
