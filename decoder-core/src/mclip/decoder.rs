@@ -117,7 +117,8 @@ impl<'a, D: FrameDecoder> ClipDecoder<'a, D> {
     /// Enters the block whose header is at byte `at`; gives where the next one's is.
     #[inline(always)]
     fn enter(&mut self, at: usize) -> Result<usize, Error> {
-        let block = Block::read(self.clip.bytes(), at, self.clip.header(), Some(self.cursor.frame))?;
+        let block =
+            Block::read(self.clip.bytes(), at, self.clip.header().block_bounds(), Some(self.cursor.frame))?;
         let Block { header, at, codes } = block;
         if !self.clip.is_verified() {
             header.verify(codes, at)?;
