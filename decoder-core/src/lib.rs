@@ -13,10 +13,10 @@
 //!
 //! let bytes = include_bytes!("../examples/clip.mclip");
 //! // What this caller is ready to hold; a clip with more is refused.
-//! let limits = Limits { channels: 8, frames: 1000 };
+//! let limits = Limits { channels: 16, frames: 1000 };
 //! let clip = Clip::parse(bytes, limits)?.verify()?;
-//! // Room for 8 channels, and for the table of this clip's Huffman codes.
-//! let mut memory = Workspace::<8, 0, 2048>::EMPTY;
+//! // Room for 16 channels, and for the table of this clip's Huffman codes.
+//! let mut memory = Workspace::<16, 0, 2048>::EMPTY;
 //! let mut decoder = clip.decoder(memory.lend())?;
 //! while let Some(pose) = decoder.next_frame()? {
 //!     // The value of each channel, in the order of `clip.header().channels()`.
@@ -24,7 +24,7 @@
 //! }
 //! # assert_eq!(decoder.position(), clip.frames());
 //! // Any frame can be had: decoding goes on from the last entry point before it.
-//! assert!(decoder.seek(2)?.is_some());
+//! assert!(decoder.seek(250)?.is_some());
 //! # Ok::<(), decoder_core::Error>(())
 //! ```
 //!

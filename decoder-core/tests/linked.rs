@@ -10,22 +10,24 @@ use sha2::{Digest, Sha256};
 use std::fs;
 use std::path::Path;
 
-/// Features by name, and whether this test was built with them.
-const FEATURES: [(&str, bool); 10] = [
-    ("pcm", cfg!(feature = "pcm")),
-    ("mulaw", cfg!(feature = "mulaw")),
-    ("dpcm", cfg!(feature = "dpcm")),
-    ("adpcm", cfg!(feature = "adpcm")),
-    ("adaptive-step", cfg!(feature = "adaptive-step")),
-    ("adaptive-predictor", cfg!(feature = "adaptive-predictor")),
-    ("qmd", cfg!(feature = "qmd")),
-    ("fixed-width", cfg!(feature = "fixed-width")),
-    ("huffman", cfg!(feature = "huffman")),
-    ("adaptive-huffman", cfg!(feature = "adaptive-huffman")),
-];
+/// Features by name, and whether this test was built with them: a row of a list has one, and one for each of its parts.
+macro_rules! features {
+    ($($(#[$doc:meta])* $id:literal $Variant:ident($module:ident $(<$life:lifetime>)?) $name:literal [$($part:literal),*];)*) => {
+        &[$(($name, cfg!(feature = $name)), $(($part, cfg!(feature = $part)),)*)*]
+    };
+}
+
+macro_rules! features_of_codecs {
+    (scalar { $($scalar:tt)* } other { $($other:tt)* }) => {
+        features! { $($scalar)* $($other)* }
+    };
+}
+
+const FEATURES: [&[(&str, bool)]; 2] =
+    [decoder_core::for_each_codec!(features_of_codecs), decoder_core::for_each_stage!(features)];
 
 fn is_linked(feature: Feature) -> bool {
-    FEATURES.iter().any(|&(name, linked)| name == feature.name() && linked)
+    FEATURES.concat().iter().any(|&(name, linked)| name == feature.name() && linked)
 }
 
 /// All features of the lists.
@@ -109,7 +111,7 @@ fn a_clip_is_decoded_or_refused_by_the_name_of_what_is_not_linked() {
     println!("{played} decoded, {refused} refused");
     assert!(played + refused > 20, "{played} {refused}");
     // Where a codec and a stage are linked, something is decoded: the vectors have each of both.
-    let all = FEATURES.iter().all(|&(_, linked)| linked);
+    let all = FEATURES.concat().iter().all(|&(_, linked)| linked);
     assert_eq!(refused == 0, all, "{refused} of {} refused", played + refused);
 }
 
@@ -118,7 +120,7 @@ fn the_features_here_are_those_of_the_lists() {
     let listed = listed();
     assert_eq!(
         listed.iter().map(|feature| feature.name()).collect::<Vec<_>>(),
-        FEATURES.map(|(name, _)| name)
+        FEATURES.concat().iter().map(|&(name, _)| name).collect::<Vec<_>>()
     );
     for feature in listed {
         match feature {

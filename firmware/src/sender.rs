@@ -7,8 +7,8 @@ use crate::machine::{Command, Machine};
 use crate::map::JointMap;
 use crate::play_error::PlayError;
 use crate::stream::{Counters, Live, Made, Memory, PlayerMemory, Settings};
-use decoder_core::mclip::{BLOCK_HEADER_BYTES, Prefix};
-use decoder_core::{I16F16, Limits};
+use decoder_core::mclip::{Block, BlockBounds, Blocks, Header, Prefix};
+use decoder_core::{Error, I16F16, Limits};
 
 /// Most channels of a stream.
 const CHANNELS: usize = 128;
@@ -74,18 +74,14 @@ impl Default for StreamMemory {
 #[derive(Clone, Copy, Debug)]
 struct Sending<'s> {
     clip: &'s [u8],
-    /// Bytes before the first block, and where the block is that is sent next.
+    /// Bytes before the first block, and what its header says of the blocks.
     header: usize,
+    bounds: BlockBounds,
+    /// Where the block is that is sent next, and its first frame.
     at: usize,
+    frame: u32,
     /// Whether the header is there.
     begun: bool,
-}
-
-/// A block: its first frame, and all its bytes.
-fn block(clip: &[u8], at: usize) -> Option<(u32, &[u8])> {
-    let &[n0, n1, _, _, a, b, c, d] = clip.get(at..)?.first_chunk()?;
-    let end = at.saturating_add(BLOCK_HEADER_BYTES).saturating_add(u16::from_le_bytes([n0, n1]).into());
-    Some((u32::from_le_bytes([a, b, c, d]) & 0x7fff_ffff, clip.get(at..end)?))
 }
 
 /// Sends clips block by block to a [`Live`], and loses what is due in gaps.
@@ -130,8 +126,7 @@ impl<'s, 'l> Sender<'s, 'l> {
             return Err(PlayError::NoDecoder);
         }
         let bytes = self.clips.get(usize::from(clip)).copied().ok_or(PlayError::NoClip { clip })?;
-        let header = Prefix::read(bytes).map_err(PlayError::Clip)?.header_bytes;
-        self.sending = Some(Sending { clip: bytes, header, at: header, begun: false });
+        self.sending = Some(Sending::new(bytes).map_err(PlayError::Clip)?);
         Ok(())
     }
 
@@ -205,7 +200,23 @@ fn millis<const N: usize>(map: &JointMap<N>, tick: u32) -> u16 {
     until(tick).saturating_sub(until(tick.saturating_sub(1))) as u16
 }
 
-impl Sending<'_> {
+impl<'s> Sending<'s> {
+    fn new(clip: &'s [u8]) -> Result<Self, Error> {
+        let bounds = Header::parse(clip, Limits::MAX)?.block_bounds();
+        let header = Prefix::read(clip)?.header_bytes;
+        Ok(Self { clip, header, bounds, at: header, frame: 0, begun: false })
+    }
+
+    /// The block that is sent next.
+    fn block(&self) -> Option<Block<'s>> {
+        Blocks::new(self.bounds, self.clip, self.at, self.frame).next()?.ok()
+    }
+
+    /// Goes on to the block after this one.
+    fn pass(&mut self, block: &Block<'_>) {
+        (self.at, self.frame) = (block.end(), block.next_frame());
+    }
+
     fn begin(&mut self, live: &Live<'_>) -> Result<(), PlayError> {
         let header = self.clip.get(..self.header).unwrap_or_default();
         let begun = live.begin(header.len() as u32).and_then(|()| live.header(0, header));
@@ -219,22 +230,22 @@ impl Sending<'_> {
     fn send(&mut self, live: &Live<'_>, lost: bool) {
         let (progress, counters) = (live.progress(), live.counters());
         if counters.played == 0 && counters.concealed == 0 {
-            self.at = self.header;
-            while let Some((first, bytes)) = block(self.clip, self.at)
-                && first < progress.received
+            (self.at, self.frame) = (self.header, 0);
+            while let Some(block) = self.block()
+                && block.header.first_frame < progress.received
             {
-                self.at = self.at.saturating_add(bytes.len());
+                self.pass(&block);
             }
         }
-        let Some((first, bytes)) = block(self.clip, self.at) else { return };
+        let Some(block) = self.block() else { return };
         let ahead = AHEAD_MILLIS * u32::from(live.rate_centihertz()) / 100_000;
-        if progress.free_blocks == 0 || first > progress.position.saturating_add(ahead) {
+        if progress.free_blocks == 0 || block.header.first_frame > progress.position.saturating_add(ahead) {
             return;
         }
-        self.at = self.at.saturating_add(bytes.len());
+        self.pass(&block);
         if !lost {
             // What is damaged is counted.
-            let _ = live.receive(bytes);
+            let _ = live.receive(self.clip.get(block.at..block.end()).unwrap_or_default());
         }
     }
 }

@@ -125,7 +125,8 @@ fn streamed(bytes: &[u8], random: &mut Random) -> (Vec<Frame>, Result<(), Error>
 fn with_losses(bytes: &[u8], frames: &[Frame], random: &mut Random) {
     let Ok(header) = Header::parse(bytes, LIMITS) else { return };
     let start = Prefix::read(bytes).map_or(bytes.len(), |prefix| prefix.header_bytes);
-    let blocks: Vec<usize> = Blocks::new(header, bytes, start, 0).flatten().map(|block| block.at).collect();
+    let blocks: Vec<usize> =
+        Blocks::new(header.block_bounds(), bytes, start, 0).flatten().map(|block| block.at).collect();
     let mut memory = OwnedMemory::new(header.needs());
     let mut block = block_buffer(&header);
     let Ok(mut stream) = Stream::new(header, memory.lend(), &mut block) else { return };

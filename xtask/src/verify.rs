@@ -152,11 +152,10 @@ pub fn fuzz(arguments: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// `cargo fuzz`, which builds the release profile: without the link-time optimisation of firmware.
+/// `cargo fuzz`, which builds the release profile.
 fn fuzz_command(command: &str) -> Command {
     let mut fuzz = Command::new("cargo");
     fuzz.current_dir(workspace()).args(["+nightly", "fuzz", command]);
-    fuzz.envs([("CARGO_PROFILE_RELEASE_LTO", "off"), ("CARGO_PROFILE_RELEASE_CODEGEN_UNITS", "16")]);
     fuzz
 }
 

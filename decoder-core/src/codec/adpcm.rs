@@ -344,12 +344,13 @@ fn serial_adaptive<F: Follow, Q: Quantise, C: Codes>(
         pose.iter_mut().zip(states).zip(followers).zip(codes.items())
     {
         let last = value.to_bits();
-        let predicted = adaptive::predict(unpair(state.second), follower.movements(), last);
-        let code = codes.code(item, predicted, quantise, state);
+        let expected = adaptive::predict(unpair(state.second), follower.movements());
+        let code = codes.code(item, last.wrapping_add(expected), quantise, state);
         let bits = state.bits();
-        let next = predicted.wrapping_add(quantise.difference(code, &mut state.step, bits));
-        follower.add(adaptive::movement(last, next));
-        *value = I16F16::from_bits(next);
+        // One difference for the value and its movement, in one register: the last value is needed at the end alone.
+        let difference = expected.wrapping_add(quantise.difference(code, &mut state.step, bits));
+        *value = I16F16::from_bits(last.wrapping_add(difference));
+        follower.add(adaptive::movement(difference));
     }
 }
 

@@ -2,7 +2,6 @@
 
 use super::bounds::BlockBounds;
 use super::fields::checksum;
-use super::header::Header;
 use crate::error::{Error, Field, check};
 
 /// Bytes of a block before its codes.
@@ -62,20 +61,6 @@ impl BlockHeader {
     pub fn read(
         bytes: &[u8; BLOCK_HEADER_BYTES],
         at: usize,
-        clip: &Header<'_>,
-        expected: Option<u32>,
-    ) -> Result<Self, Error> {
-        Self::read_within(bytes, at, clip.block_bounds(), expected)
-    }
-
-    /// As [`read`](Self::read), for who keeps the bounds and not the clip's header.
-    ///
-    /// # Errors
-    /// [`Error::Malformed`].
-    #[inline(always)]
-    pub fn read_within(
-        bytes: &[u8; BLOCK_HEADER_BYTES],
-        at: usize,
         clip: BlockBounds,
         expected: Option<u32>,
     ) -> Result<Self, Error> {
@@ -126,14 +111,14 @@ pub struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// The block whose header is at byte `at` of a clip's `bytes`. `expected` is the number of the frame that comes next, or
+    /// The block whose header is at byte `at` of `bytes`, of a clip with these bounds. `expected` is the number of the frame that comes next, or
     /// `None` where any may.
     ///
     /// # Errors
     /// As [`BlockHeader::read`], and [`Error::Truncated`].
     // Part of the caller, who then copies no block: where a frame is waiting for it.
     #[inline(always)]
-    pub fn read(bytes: &'a [u8], at: usize, clip: &Header<'_>, expected: Option<u32>) -> Result<Self, Error> {
+    pub fn read(bytes: &'a [u8], at: usize, clip: BlockBounds, expected: Option<u32>) -> Result<Self, Error> {
         let rest = bytes.get(at..).unwrap_or_default();
         let (header, rest) = rest.split_first_chunk::<BLOCK_HEADER_BYTES>().ok_or(Error::Truncated {
             field: Field::BlockHeader,
@@ -182,7 +167,7 @@ impl<'a> Block<'a> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Blocks<'a> {
-    header: Header<'a>,
+    bounds: BlockBounds,
     bytes: &'a [u8],
     /// Where the next one is.
     at: usize,
@@ -191,10 +176,10 @@ pub struct Blocks<'a> {
 }
 
 impl<'a> Blocks<'a> {
-    /// The blocks of the clip that has this header and these bytes, from byte `at` on, which is that of a block's header, whose
+    /// The blocks of the clip that has these bounds and bytes, from byte `at` on, which is that of a block's header, whose
     /// first frame is `frame`.
-    pub const fn new(header: Header<'a>, bytes: &'a [u8], at: usize, frame: u32) -> Self {
-        Self { header, bytes, at, frame }
+    pub const fn new(bounds: BlockBounds, bytes: &'a [u8], at: usize, frame: u32) -> Self {
+        Self { bounds, bytes, at, frame }
     }
 
     /// Where the next block is in the clip, or where the last one ended.
@@ -205,7 +190,7 @@ impl<'a> Blocks<'a> {
     /// Reads the next one.
     #[inline(never)]
     fn read(&mut self) -> Result<Block<'a>, Error> {
-        let block = Block::read(self.bytes, self.at, &self.header, Some(self.frame))?;
+        let block = Block::read(self.bytes, self.at, self.bounds, Some(self.frame))?;
         self.at = block.end();
         self.frame = block.next_frame();
         Ok(block)
@@ -216,7 +201,7 @@ impl<'a> Iterator for Blocks<'a> {
     type Item = Result<Block<'a>, Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.frame >= self.header.frames() {
+        if self.frame >= self.bounds.frames {
             return None;
         }
         let block = self.read();

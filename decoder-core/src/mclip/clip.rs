@@ -109,7 +109,7 @@ impl<'a> Clip<'a> {
 
     /// The blocks, one after the other.
     pub const fn blocks(&self) -> Blocks<'a> {
-        Blocks::new(self.header, self.bytes, self.start, 0)
+        Blocks::new(self.header.block_bounds(), self.bytes, self.start, 0)
     }
 
     /// Bytes before the first block.

@@ -95,20 +95,16 @@ impl<'a, D: FrameDecoder> ClipDecoder<'a, D> {
             }
             return Ok(found);
         }
-        if let At::Boundary(at) = self.at {
-            self.enter(at)?;
+        let end = match self.at {
+            At::Failed(error) => return Err(error),
+            At::Boundary(at) => self.enter(at)?,
+            At::Inside { end } => end,
+        };
+        let found = self.cursor.next(&mut self.decoder, self.codes)?;
+        if self.cursor.is_done() {
+            self.at = At::Boundary(end);
         }
-        match self.at {
-            At::Failed(error) => Err(error),
-            At::Boundary(_) => Ok(false),
-            At::Inside { end } => {
-                let found = self.cursor.next(&mut self.decoder, self.codes)?;
-                if self.cursor.is_done() {
-                    self.at = At::Boundary(end);
-                }
-                Ok(found)
-            }
-        }
+        Ok(found)
     }
 
     #[cold]
@@ -118,17 +114,19 @@ impl<'a, D: FrameDecoder> ClipDecoder<'a, D> {
         Err(error)
     }
 
-    /// Enters the block whose header is at byte `at`.
+    /// Enters the block whose header is at byte `at`; gives where the next one's is.
     #[inline(always)]
-    fn enter(&mut self, at: usize) -> Result<(), Error> {
-        let block = Block::read(self.clip.bytes(), at, self.clip.header(), Some(self.cursor.frame))?;
+    fn enter(&mut self, at: usize) -> Result<usize, Error> {
+        let block =
+            Block::read(self.clip.bytes(), at, self.clip.header().block_bounds(), Some(self.cursor.frame))?;
         let Block { header, at, codes } = block;
         if !self.clip.is_verified() {
             header.verify(codes, at)?;
         }
-        (self.at, self.codes) = (At::Inside { end: block.end() }, codes);
+        let end = block.end();
+        (self.at, self.codes) = (At::Inside { end }, codes);
         self.cursor = BlockCursor::new(header, at);
-        Ok(())
+        Ok(end)
     }
 
     /// Goes back to before the first frame.

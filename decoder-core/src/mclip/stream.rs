@@ -142,7 +142,7 @@ impl<'a, 's, D: FrameDecoder> BlockStream<'a, 's, D> {
                     self.filled = 0;
                     let Some(bytes) = self.buffer.first_chunk() else { return Ok(false) };
                     let expected = (!resuming).then_some(self.frame);
-                    let block = BlockHeader::read(bytes, self.at, &self.header, expected)?;
+                    let block = BlockHeader::read(bytes, self.at, self.header.block_bounds(), expected)?;
                     if resuming && block.entry {
                         self.missing = Missing::at_entry(&self.decoder);
                     }

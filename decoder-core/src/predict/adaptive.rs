@@ -28,20 +28,20 @@ const LEAST: i32 = 256;
 /// Largest s of a window of 2^s samples.
 pub const MAX_WINDOW: u8 = 6;
 
-/// The movement from one decoded value to the next, as far as it is kept.
+/// The movement, as far as it is kept, where the next decoded value is `difference` above the last one.
 #[inline(always)]
-pub fn movement(last: i32, next: i32) -> i16 {
-    (next.wrapping_sub(last) >> SHIFT).clamp(!MOST, MOST) as i16
+pub fn movement(difference: i32) -> i16 {
+    (difference >> SHIFT).clamp(!MOST, MOST) as i16
 }
 
-/// The prediction after `last`, by the coefficients α₁ and α₂ and the movements d(n − 1) and d(n − 2). Two 16-bit
-/// multiplies.
+/// What the prediction is above the last value, by the coefficients α₁ and α₂ and the movements d(n − 1) and d(n − 2). Two
+/// 16-bit multiplies.
 #[inline(always)]
-pub const fn predict([first, second]: [i16; 2], [newest, before]: [i16; 2], last: i32) -> i32 {
+pub const fn predict([first, second]: [i16; 2], [newest, before]: [i16; 2]) -> i32 {
     // Below 2^28 each.
     let first = (first as i32).wrapping_mul(newest as i32);
     let second = (second as i32).wrapping_mul(before as i32);
-    last.wrapping_add(first.wrapping_add(second) >> (14 - SHIFT))
+    first.wrapping_add(second) >> (14 - SHIFT)
 }
 
 /// The products of a movement with itself and with the two before it.
@@ -193,11 +193,11 @@ mod tests {
                         }
                     }
                 };
-                Correlation(&mut words).add(super::movement(0, movement), window);
+                Correlation(&mut words).add(super::movement(movement), window);
                 let [r0, r1, r2] = Correlation::sums(&words);
                 let most = (1 << 30) + (1 << 24);
                 assert!((0..=most).contains(&r0) && r1.abs() <= most && r2.abs() <= most);
-                predict(solve(Correlation::sums(&words)), Correlation(&mut words).movements(), movement);
+                predict(solve(Correlation::sums(&words)), Correlation(&mut words).movements());
             }
         }
     }
@@ -211,14 +211,11 @@ mod tests {
         for n in 0..2000 {
             let x = ((f64::from(n) * 0.3).sin() * 20.0 * 65536.0) as i32;
             if n > 200 {
-                own += f64::from(
-                    predict(solve(Correlation::sums(&words)), Correlation(&mut words).movements(), before[0])
-                        - x,
-                )
-                .abs();
+                let expected = predict(solve(Correlation::sums(&words)), Correlation(&mut words).movements());
+                own += f64::from(before[0] + expected - x).abs();
                 naive += f64::from(2 * before[0] - before[1] - x).abs();
             }
-            Correlation(&mut words).add(movement(before[0], x), 5);
+            Correlation(&mut words).add(movement(x - before[0]), 5);
             before = [x, before[0]];
         }
         assert!(own < naive / 2.0, "{own} {naive}");

@@ -156,8 +156,8 @@ mod tests {
                     let past = [1, 2].map(|past| movements.iter().rev().nth(past - 1).copied().unwrap_or(0));
                     let found = [newest, before].map(|row| i32::from(row[0].get().cast_signed()));
                     assert_eq!(found, past, "{length} at {number}");
-                    now[0].set(movement(0, difference).cast_unsigned());
-                    movements.push(i32::from(movement(0, difference)));
+                    now[0].set(movement(difference).cast_unsigned());
+                    movements.push(i32::from(movement(difference)));
                     let sums = ring.sums(&words, channel);
                     assert_eq!(sums, whole(movements, length), "{length} at {number}");
                     let [first, second] = solve(sums).map(|c| f64::from(c) / 16384.0);
@@ -174,8 +174,8 @@ mod tests {
             let ring = ring(number, 15);
             let difference = if number % 3 == 0 { 40_000 } else { -7_000 };
             let now = ring.rows(&mut words, 0).now;
-            now[0].set(movement(0, if number < 150 { difference } else { 3_000 }).cast_unsigned());
-            now[1].set(movement(0, 3_000).cast_unsigned());
+            now[0].set(movement(if number < 150 { difference } else { 3_000 }).cast_unsigned());
+            now[1].set(movement(3_000).cast_unsigned());
             assert_eq!(ring.sums(&words, 0) == ring.sums(&words, 1), number >= 164, "{number}");
         }
     }

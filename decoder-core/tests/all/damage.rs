@@ -65,7 +65,9 @@ fn taken_apart(bytes: &[u8]) -> (Vec<u8>, Vec<(BlockHeader, Vec<u8>)>) {
     let mut blocks = Vec::new();
     let mut frame = 0;
     while at < bytes.len() {
-        let block = BlockHeader::read(bytes[at..].first_chunk().unwrap(), at, &header, Some(frame)).unwrap();
+        let block =
+            BlockHeader::read(bytes[at..].first_chunk().unwrap(), at, header.block_bounds(), Some(frame))
+                .unwrap();
         let codes = bytes[at + BLOCK_HEADER_BYTES..][..usize::from(block.length)].to_vec();
         at += BLOCK_HEADER_BYTES + codes.len();
         frame += u32::from(block.frames);
@@ -201,7 +203,8 @@ fn block_headers_that_no_encoder_writes_are_refused_where_they_are_wrong() {
     check(0, entry, &|block, _| block.entry = false);
 
     // As many frames as are left are right, if nothing follows.
-    let read = |block: BlockHeader, expected| BlockHeader::read(&block.emit(), 5, &header, expected);
+    let read =
+        |block: BlockHeader, expected| BlockHeader::read(&block.emit(), 5, header.block_bounds(), expected);
     let last = BlockHeader { frames: left as u16, ..blocks[1].0 };
     assert_eq!(read(last, Some(first)), Ok(last));
     assert!(frames < left);

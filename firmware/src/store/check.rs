@@ -2,7 +2,7 @@
 
 use super::error::StoreError;
 use crc::Digest;
-use decoder_core::mclip::{self, BLOCK_HEADER_BYTES, BlockBounds, BlockHeader, Header, MAGIC, Needs, Prefix};
+use decoder_core::mclip::{self, BlockBounds, Blocks, Header, MAGIC, Needs, Prefix};
 use decoder_core::{Error, Field, Limits, qmd};
 
 /// Bytes that a step reads; a block that is longer is read in one.
@@ -95,34 +95,21 @@ impl Check {
     /// Checks blocks of about [`STEP_BYTES`].
     fn read_blocks(&mut self, clip: &[u8], bounds: BlockBounds) -> Result<(), Error> {
         let stop = self.at.saturating_add(STEP_BYTES);
-        while self.at < stop && self.frames < bounds.frames {
-            let (block, end) = block(clip, self.at, bounds, self.frames)?;
-            self.read(clip, end);
-            self.frames = self.frames.saturating_add(block.frames.into());
+        let mut blocks = Blocks::new(bounds, clip, self.at, self.frames);
+        // At the clip's end there is an error to read where frames are missing.
+        while (self.at < stop || self.at == clip.len())
+            && let Some(block) = blocks.next()
+        {
+            let block = block?;
+            block.header.verify(block.codes, block.at)?;
+            self.read(clip, block.end());
+            self.frames = block.next_frame();
         }
-        // Behind the last block there is nothing.
-        let ends = self.at == clip.len();
-        if (self.frames >= bounds.frames) == ends {
-            return Ok(());
+        if self.frames >= bounds.frames && self.at != clip.len() {
+            return Err(Error::Encoding { field: Field::BlockHeader, at: self.at });
         }
-        match ends {
-            true => block(clip, self.at, bounds, self.frames).map(|_| ()),
-            false => Err(Error::Encoding { field: Field::BlockHeader, at: self.at }),
-        }
+        Ok(())
     }
-}
-
-/// The block whose header is at byte `at`, checked, and where the next one is.
-fn block(clip: &[u8], at: usize, bounds: BlockBounds, frame: u32) -> Result<(BlockHeader, usize), Error> {
-    let rest = clip.get(at..).unwrap_or_default();
-    let truncated = |field, at, needed, found| Error::Truncated { field, at, needed, found };
-    let (bytes, rest) =
-        rest.split_first_chunk().ok_or(truncated(Field::BlockHeader, at, BLOCK_HEADER_BYTES, rest.len()))?;
-    let block = BlockHeader::read_within(bytes, at, bounds, Some(frame))?;
-    let (start, length) = (at.saturating_add(BLOCK_HEADER_BYTES), usize::from(block.length));
-    let codes = rest.get(..length).ok_or(truncated(Field::Payload, start, length, rest.len()))?;
-    block.verify(codes, at)?;
-    Ok((block, start.saturating_add(length)))
 }
 
 /// Whether decoders here have the memory.

@@ -6,8 +6,8 @@ use super::memory::{Memory, PlayerMemory};
 use super::progress::{Counters, Progress};
 use super::reckoner::Made;
 use core::cell::{Cell, RefCell};
-use decoder_core::mclip::{BLOCK_HEADER_BYTES, BlockBounds, BlockHeader, Header};
-use decoder_core::{Error, Field, Limits};
+use decoder_core::mclip::{BLOCK_HEADER_BYTES, Block, BlockBounds, Header};
+use decoder_core::{Error, Limits};
 
 /// How a stream is played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -305,15 +305,12 @@ fn receive(
 ) -> Result<(), Error> {
     let bounds = BlockBounds { bytes: state.block_bytes, frames: state.frames };
     let mut at = 0;
-    while let Some(rest) = packet.get(at..).filter(|rest| !rest.is_empty()) {
-        let truncated = |field, needed, found| Error::Truncated { field, at, needed, found };
-        let bytes =
-            rest.first_chunk().ok_or(truncated(Field::BlockHeader, BLOCK_HEADER_BYTES, rest.len()))?;
-        let header = BlockHeader::read_within(bytes, at, bounds, None)?;
-        let length = BLOCK_HEADER_BYTES.saturating_add(header.length.into());
-        let block = rest.get(..length).ok_or(truncated(Field::Payload, length, rest.len()))?;
-        header.verify(block.get(BLOCK_HEADER_BYTES..).unwrap_or_default(), at)?;
-        let end = header.first_frame.saturating_add(header.frames.into());
+    while at < packet.len() {
+        let block = Block::read(packet, at, bounds, None)?;
+        let header = block.header;
+        header.verify(block.codes, at)?;
+        let bytes = packet.get(at..block.end()).unwrap_or_default();
+        let end = block.next_frame();
         state.seen = state.seen.max(end);
         state.silent = 0;
         if end <= state.position {
@@ -321,9 +318,9 @@ fn receive(
         }
         // Late blocks are of use where the decoder has to go through them.
         if header.first_frame >= state.next {
-            let mut taken = blocks.insert(header, block);
+            let mut taken = blocks.insert(header, bytes);
             if taken == Taken::Full && blocks.evict(state.position) {
-                taken = blocks.insert(header, block);
+                taken = blocks.insert(header, bytes);
             }
             match taken {
                 Taken::Waits => {}
@@ -333,7 +330,7 @@ fn receive(
         } else if end > state.position {
             up(&mut counters.duplicates);
         }
-        at = at.saturating_add(length);
+        at = block.end();
     }
     Ok(())
 }
