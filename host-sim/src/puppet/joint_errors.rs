@@ -281,8 +281,8 @@ mod tests {
         let bounds = JointBounds { rms: 1.0, worst: 2.0 };
         assert!(bounds.excess(&found) > 5.0 && bounds.excess_of_clip(&found, &found) == 0.0);
         // Where the joint can, what counts is where it is.
-        let near = JointBounds { rms: 20.0, worst: 20.0 };
-        assert_eq!(near.excess_of_clip(&found, &found), near.excess(&found));
+        let wide = JointBounds { rms: 20.0, worst: 20.0 };
+        assert_eq!(wide.excess_of_clip(&found, &found), wide.excess(&found));
         let slow =
             errors("range = [-90, 90]\nmax_speed = 100\nmax_acceleration = 100000", &recorded, &recorded);
         near(slow.worst.value, 30.0);
