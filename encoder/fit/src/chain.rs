@@ -281,12 +281,12 @@ impl Chain {
 
 /// Makes the equations of variables that are held say that they do not move.
 fn hold(block: &mut [Values; MOST_JOINTS], free: &[bool; MOST_JOINTS]) {
-    for k in (0..MOST_JOINTS).filter(|&k| !free[k]) {
-        for j in 0..MOST_JOINTS {
-            block[k][j] = 0.0;
-            block[j][k] = 0.0;
+    for (k, row) in block.iter_mut().enumerate() {
+        for (j, entry) in row.iter_mut().enumerate() {
+            if !(free[k] && free[j]) {
+                *entry = f64::from(u8::from(k == j));
+            }
         }
-        block[k][k] = 1.0;
     }
 }
 
