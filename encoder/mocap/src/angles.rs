@@ -15,6 +15,18 @@ pub fn wrap(degrees: f64) -> f64 {
     if turned > 180.0 { turned - 360.0 } else { turned }
 }
 
+/// The same rotation as `angles` about three different axes, in degrees, written such that it is nearest to `to`: with
+/// whole turns, and either as it is or as (a + 180, 180 - b, c + 180).
+pub fn nearest_triple(angles: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+    let [a, b, c] = angles;
+    // Angles that are near already do not change by a bit.
+    let turned = |angle: f64, to: f64| angle - 360.0 * ((angle - to) / 360.0).round();
+    let near = |angles: [f64; 3]| [0, 1, 2].map(|k| turned(angles[k], to[k]));
+    let distance = |angles: &[f64; 3]| -> f64 { (0..3).map(|k| (angles[k] - to[k]).powi(2)).sum() };
+    let (same, other) = (near(angles), near([a + 180.0, 180.0 - b, c + 180.0]));
+    if distance(&other) < distance(&same) { other } else { same }
+}
+
 /// Rotation by `degrees` about axis 0 (x), 1 (y) or 2 (z), right-handed.
 ///
 /// # Panics
@@ -37,6 +49,24 @@ pub fn about(axis: [f64; 3], degrees: f64) -> Matrix {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| cos * IDENTITY[i][j] + sin * cross[i][j] + (1.0 - cos) * axis[i] * axis[j])
     })
+}
+
+/// The least rotation that brings a unit vector to another; of opposite ones, about z, or about y where they are
+/// along z.
+pub fn least_turn(from: [f64; 3], to: [f64; 3]) -> Matrix {
+    let axis: [f64; 3] = std::array::from_fn(|k| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        from[i] * to[j] - from[j] * to[i]
+    });
+    let sin = axis[0].hypot(axis[1]).hypot(axis[2]);
+    let cos = from[0] * to[0] + from[1] * to[1] + from[2] * to[2];
+    if sin > 1e-9 {
+        about(axis.map(|part| part / sin), sin.atan2(cos).to_degrees())
+    } else if cos > 0.0 {
+        IDENTITY
+    } else {
+        rotation(if from[2].abs() < 0.7 { 2 } else { 1 }, 180.0)
+    }
 }
 
 /// How far a rotation turns, in degrees from 0 to 180, about whatever axis.
@@ -114,6 +144,20 @@ mod tests {
         let diagonal = [1.0, 1.0, 1.0].map(|part: f64| part / 3.0_f64.sqrt());
         let moved = apply(&about(diagonal, 120.0), [1.0, 0.0, 0.0]);
         assert!((moved[1] - 1.0).abs() < 1e-15, "x goes to y: {moved:?}");
+    }
+
+    #[test]
+    fn the_least_turn_brings_one_direction_to_the_other() {
+        let directions = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [0.6, 0.0, 0.8]];
+        for from in directions {
+            for to in directions.into_iter().chain([from.map(|part| -part)]) {
+                let turn = least_turn(from, to);
+                let moved = apply(&turn, from);
+                assert!(moved.iter().zip(to).all(|(a, b)| (a - b).abs() < 1e-12), "{from:?} {to:?}");
+                let cos: f64 = from.iter().zip(to).map(|(a, b)| a * b).sum();
+                assert!((turned(&turn) - cos.acos().to_degrees()).abs() < 1e-5, "{from:?} {to:?}");
+            }
+        }
     }
 
     #[test]

@@ -1,10 +1,13 @@
 //! Arguments that several commands share: what is read, and how it is coded.
 
 use super::frames::FrameRange;
-use anyhow::{Context, Result, bail};
+use super::same_channels;
+use anyhow::{Context, Result, anyhow, bail};
 use encoder::qmd::Method;
+use fit::Report;
 use host_sim::files;
 use mocap::Clip;
+use mocap::import::{self, Imported, Options, Unit};
 use puppet_file::Puppet;
 use std::path::{Path, PathBuf};
 
@@ -14,52 +17,104 @@ pub struct Source {
     /// The skeleton (.asf) that an AMC needs.
     #[arg(long, value_name = "S.asf")]
     pub skeleton: Option<PathBuf>,
-    /// Frames per second: of an AMC, which has no rate of its own (120 unless given), or instead of a BVH's.
-    #[arg(long, value_name = "F")]
+    /// Frames per second that are wanted: the motion is resampled. An AMC mostly has no rate of its own: there, without --rate, this is
+    /// its rate.
+    #[arg(long, value_name = "F", value_parser = rate)]
     pub fps: Option<f64>,
+    /// Frames per second that the file's frames are, whatever it says; of an AMC without a rate 120 unless given.
+    #[arg(long, value_name = "F", value_parser = rate)]
+    pub rate: Option<f64>,
+    /// Unit of the lengths in a BVH: m, cm, mm, inch, ft, cmu (of the CMU database, 5.64 cm), or a length such as 2.5cm. Guessed from
+    /// the size of the figure unless given.
+    #[arg(long, value_name = "UNIT")]
+    pub unit: Option<Unit>,
     /// Only these frames, from 0 on and the last one left out: `1..` leaves out the first, which is often a T-pose.
     #[arg(long, value_name = "FIRST..END")]
     frames: Option<FrameRange>,
-    /// Only the channels that this puppet's joints follow, in its order. Such a clip needs no skeleton to be played, and is all that the
-    /// puppet's controller has to hold and decode. Errors are those of the skeleton's joints with all else at rest.
+    /// Fit the motion to this puppet: one channel for each of its joints, in degrees (cm for translations) within the joint's
+    /// range. Such a clip needs no skeleton to be played, and is all that the puppet's controller has to hold and decode. An
+    /// error of 1 cm is 1 degree of a joint.
     #[arg(long, value_name = "PUPPET.toml")]
-    puppet: Option<PathBuf>,
+    pub puppet: Option<PathBuf>,
+    /// Bring each of the puppet's joints within its speed and acceleration first, without delay.
+    #[arg(long, requires = "puppet")]
+    smooth: bool,
 }
 
 impl Source {
-    /// The motion in a .amc or .bvh file.
+    /// The motion in a .amc or .bvh file, fitted to the puppet where there is one.
     pub fn load(&self, path: &Path) -> Result<Clip> {
+        Ok(self.load_fitted(path)?.0)
+    }
+
+    /// As [`load`](Self::load), and what the puppet cannot do of it.
+    pub fn load_fitted(&self, path: &Path) -> Result<(Clip, Option<Report>)> {
         if is_clip(path) {
             bail!("{} is a compressed clip, expected a motion (.amc or .bvh)", path.display());
         }
-        let mut clip = mocap::import::load(path, self.skeleton.as_deref(), self.fps)?;
+        let options = Options { skeleton: self.skeleton.as_deref(), unit: self.unit.clone(), fps: self.rate };
+        let Imported { mut clip, has_rate, mut notes } = import::read(path, &options)?;
+        let own = clip.motion.fps;
+        match self.fps {
+            Some(fps) if !has_rate => clip.motion.fps = fps,
+            Some(fps) if fps != own => {
+                clip.motion = mocap::resample(&clip.skeleton, &clip.motion, fps);
+                notes.push(format!("resampled from {} to {} frames a second", short(own), short(fps)));
+            }
+            None if !has_rate => {
+                notes.push(format!(
+                    "no frame rate in the file: taken as {own} frames a second (else give --rate)"
+                ));
+            }
+            _ => {}
+        }
+        tell(path, &notes);
         if let Some(frames) = self.frames {
             clip.motion = frames.of(path, &clip.motion)?;
         }
-        match &self.puppet {
-            Some(puppet) => Ok(Puppet::read(puppet)?.followed(&clip)?),
-            None => Ok(clip),
-        }
+        let Some(puppet) = &self.puppet else { return Ok((clip, None)) };
+        let plan = Puppet::read(puppet)?.plan(&clip.skeleton).map_err(|mistakes| {
+            let sentences: Vec<String> = mistakes.iter().map(ToString::to_string).collect();
+            anyhow!(sentences.join("\nbunraku: "))
+        })?;
+        let fitted = fit::fit(&plan, &clip, self.smooth);
+        Ok((fitted.clip, Some(fitted.report)))
     }
 
-    /// The motion in a .amc, .bvh, .qmd or .mclip file; a clip takes its skeleton from `reference`, whose channels it
-    /// must have. Also the size that counts: that of a compressed clip, or of the samples as float32.
+    /// The motion in a .amc, .bvh, .qmd or .mclip file on the skeleton of `reference`, whose channels it must have, in any order
+    /// where it names them. Also the size that counts: that of a compressed clip, or of the samples as float32.
     pub fn load_any(&self, path: &Path, reference: &Clip) -> Result<(Clip, u64)> {
         if !is_clip(path) {
             let clip = self.load(path)?;
             let bytes = clip.motion.samples.len() * 4;
-            return Ok((clip, bytes as u64));
+            let motion = same_channels::of_motion(path, &clip, &reference.skeleton)?;
+            return Ok((Clip { skeleton: reference.skeleton.clone(), motion }, bytes as u64));
         }
         let bytes = files::read(path)?;
-        let mut motion = decode(path, &bytes)?;
-        let (found, expected) = (motion.channels, reference.motion.channels);
-        if found != expected {
-            bail!("{} has {found} channels, expected {expected} as in the reference", path.display());
-        }
+        let motion = decode(path, &bytes)?;
+        let mut motion = same_channels::of_clip(path, &bytes, &motion, &reference.skeleton)?;
         if motion.fps == 0.0 {
             motion.fps = self.fps.unwrap_or(reference.motion.fps);
         }
         Ok((Clip { skeleton: reference.skeleton.clone(), motion }, bytes.len() as u64))
+    }
+}
+
+/// A rate as an argument.
+fn rate(text: &str) -> Result<f64, String> {
+    let rate = text.parse().ok().filter(|rate| (1e-3..=1e6).contains(rate));
+    rate.ok_or_else(|| format!("found {text:?}, expected frames per second, more than 0"))
+}
+
+/// A rate with up to three decimals.
+pub fn short(rate: f64) -> String {
+    format!("{rate:.3}").trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// What the reader of a file had to guess, mend or leave out.
+pub fn tell(path: &Path, notes: &[String]) {
+    for note in notes {
+        eprintln!("bunraku: {}: {note}", path.display());
     }
 }
 

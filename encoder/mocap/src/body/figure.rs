@@ -1,8 +1,8 @@
 //! Which joint of a skeleton is which part of the body.
 
-use super::names;
 use super::part::{Part, Side};
 use super::tree::Tree;
+use super::{geometry, names};
 use crate::skeleton::Skeleton;
 
 /// How the joint of a part was found.
@@ -12,6 +12,8 @@ pub enum FoundBy {
     Name,
     /// By what hangs on it: a bone of the spine or neck between parts that were found.
     Structure,
+    /// By lengths and symmetry, because names say nothing.
+    Geometry,
 }
 
 /// The joints of a skeleton that are parts of a body.
@@ -21,7 +23,7 @@ pub struct Body {
 }
 
 impl Body {
-    /// Finds the parts: by the names of joints, then by structure.
+    /// Finds the parts: by the names of joints, then by structure, and by geometry what is then still missing.
     ///
     /// A part that the skeleton does not have, or that is not found, has no joint. Every joint is one part at most.
     pub fn of(skeleton: &Skeleton) -> Self {
@@ -29,6 +31,14 @@ impl Body {
         let named = names::find(skeleton);
         let mut body = Self { joints: named.map(|joint| joint.map(|joint| (joint, FoundBy::Name))) };
         body.settle_middle(&tree);
+        for (part, joint) in Part::ALL.into_iter().zip(geometry::find(&tree)) {
+            if let Some(joint) = joint
+                && body.joint(part).is_none()
+                && body.part(joint).is_none()
+            {
+                body.joints[part.index()] = Some((joint, FoundBy::Geometry));
+            }
+        }
         body
     }
 

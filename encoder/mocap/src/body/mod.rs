@@ -1,7 +1,8 @@
 //! The body of a figure: which joint is which part, and how each bone is turned from the T-pose.
 //!
 //! A puppet file names parts ("right forearm"), and skeletons name joints (`RightForeArm`, `rradius`,
-//! `lowerarm_r`). [`Body`] finds the joint of each [`Part`] by its name.
+//! `lowerarm_r`). [`Body`] finds the joint of each [`Part`]: by its name, and by geometry
+//! where names say nothing.
 //!
 //! Skeletons also differ in what a channel at 0 means: arms out, arms down, or all bones along one axis. [`TPose`]
 //! takes that away. It gives the rotation of each bone from the T-pose, in the figure's axes: right-handed, x to the
@@ -29,8 +30,11 @@
 //! ```
 
 mod figure;
+mod geometry;
 mod names;
 mod part;
+#[cfg(test)]
+mod schemes;
 mod t_pose;
 mod tree;
 

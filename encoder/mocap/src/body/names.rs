@@ -43,7 +43,7 @@ const SIDED: [Sided; 8] = [
         &["shin", "lowerleg", "lowleg", "loleg", "calf", "tibia", "leg", "knee", "kneejoint", "leglower"],
     ),
     (Part::Foot, &["ankle", "anklejoint", "foot"]),
-    (Part::Toes, &["toes", "toebase", "toe", "toejoint", "ball", "foot"]),
+    (Part::Toes, &["toes", "toebase", "toe", "toe0", "toejoint", "ball", "foot"]),
 ];
 
 /// What the parts of the middle are called. Of the spine only the ends: the bones between are found by what hangs on
@@ -120,12 +120,13 @@ fn readings(name: &str) -> Vec<Reading> {
     let mut readings = Vec::new();
     for dropped in 0..words.len() {
         let name = words[dropped..].concat().to_lowercase();
+        let name = name.strip_prefix("mixamorig").unwrap_or(&name);
         let mut push = |side, name: &str| {
             if !name.is_empty() {
                 readings.push(Reading { side, name: name.to_owned(), dropped });
             }
         };
-        push(None, &name);
+        push(None, name);
         for (side, long, short) in [(Side::Left, "left", "l"), (Side::Right, "right", "r")] {
             for mark in [long, short] {
                 if let Some(rest) = name.strip_prefix(mark) {

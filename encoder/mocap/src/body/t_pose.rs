@@ -63,7 +63,7 @@ impl TPose {
                 let (wanted, tolerance) = direction_of(part);
                 let found = angles::apply(&turn, rest);
                 if degrees_between(found, wanted) > tolerance {
-                    turn = angles::multiply(&least_turn(found, wanted), &turn);
+                    turn = angles::multiply(&angles::least_turn(found, wanted), &turn);
                 }
             }
             if part == Some(Part::Chest) {
@@ -197,7 +197,7 @@ fn twist_of_chest(tree: &Tree, body: &Body, axes: &Matrix, turn: &Matrix) -> Mat
     let [x, y, z] = angles::apply(turn, angles::apply(axes, left));
     match unit([x, 0.0, z]) {
         Some(level) if y.abs() < FRAC_1_SQRT_2 && degrees_between(level, LEFT) > CURVED => {
-            least_turn(level, LEFT)
+            angles::least_turn(level, LEFT)
         }
         _ => IDENTITY,
     }
@@ -205,19 +205,6 @@ fn twist_of_chest(tree: &Tree, body: &Body, axes: &Matrix, turn: &Matrix) -> Mat
 
 fn degrees_between(a: [f64; 3], b: [f64; 3]) -> f64 {
     length(cross(a, b)).atan2(dot(a, b)).to_degrees()
-}
-
-/// The least rotation that brings a unit vector to another; of opposite ones, about the figure's forward axis or up.
-fn least_turn(from: [f64; 3], to: [f64; 3]) -> Matrix {
-    let axis = cross(from, to);
-    let (sin, cos) = (length(axis), dot(from, to));
-    let Some(axis) = unit(axis) else {
-        if cos > 0.0 {
-            return IDENTITY;
-        }
-        return angles::rotation(if from[2].abs() < FRAC_1_SQRT_2 { 2 } else { 1 }, 180.0);
-    };
-    angles::about(axis, sin.atan2(cos).to_degrees())
 }
 
 #[cfg(test)]
@@ -261,7 +248,8 @@ mod tests {
     fn as_bvh(clip: &Clip) -> Clip {
         let mut bytes = Vec::new();
         export::bvh::write(&mut bytes, &clip.skeleton, &clip.motion).expect("a BVH file");
-        let (skeleton, motion) = import::bvh::parse(&bytes, "twin.bvh", 1.0, None).expect("our own BVH file");
+        let twin = import::bvh::parse(&bytes, "twin.bvh", 1.0, None).expect("our own BVH file").clip;
+        let (skeleton, motion) = (twin.skeleton, twin.motion);
         Clip { skeleton, motion }
     }
 

@@ -7,6 +7,8 @@ pub struct Tree {
     pub children: Vec<Vec<usize>>,
     /// Where each joint turns, with all channels at 0, in centimetres.
     pub origins: Vec<[f64; 3]>,
+    /// Whether each joint is none, but says where its parent's bone ends (an `End Site`).
+    pub only_ends: Vec<bool>,
     /// Where each bone ends: its tail, and the joint itself where it has none.
     pub ends: Vec<[f64; 3]>,
 }
@@ -19,6 +21,7 @@ impl Tree {
             children: vec![Vec::new(); joints.len()],
             origins: Vec::with_capacity(joints.len()),
             ends: Vec::with_capacity(joints.len()),
+            only_ends: Vec::with_capacity(joints.len()),
         };
         for (index, joint) in joints.iter().enumerate() {
             let from = joint.parent.map_or([0.0; 3], |parent| tree.origins[parent]);
@@ -29,6 +32,11 @@ impl Tree {
                 tree.children[parent].push(index);
             }
         }
+        tree.only_ends = (joints.iter().zip(&tree.children))
+            .map(|(joint, children)| {
+                joint.channels.is_empty() && children.is_empty() && joint.tail == [0.0; 3]
+            })
+            .collect();
         tree
     }
 
