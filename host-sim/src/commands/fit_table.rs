@@ -36,6 +36,10 @@ pub fn table(report: &Report) -> String {
     if rows.len() > 1 {
         text = format!("{} of {} joints cannot do all of it:\n", rows.len() - 1, report.joints.len());
         text += &aligned(&rows);
+        let is_late = |joint: &JointReport| joint.too_fast.is_some() || joint.too_sudden.is_some();
+        if !is_smoothed && report.joints.iter().any(is_late) {
+            text += "A servo that is too slow comes late. With --smooth it begins earlier instead.\n";
+        }
     }
     if !report.bones.is_empty() {
         let mut rows = vec![["bone", "against", "mean", "worst", "driven by"].map(str::to_owned).to_vec()];
