@@ -26,7 +26,7 @@ pub struct Source {
     /// the size of the figure unless given.
     #[arg(long, value_name = "UNIT")]
     pub unit: Option<Unit>,
-    /// Only these frames, from 0 on and the last one left out: `1..` leaves out the first, which is often a T-pose.
+    /// Only these frames of the file, from 0 on and the last one left out: `1..` leaves out the first, which is often a T-pose.
     #[arg(long, value_name = "FIRST..END")]
     frames: Option<FrameRange>,
     /// Only the channels that this puppet's joints follow, in its order. Such a clip needs no skeleton to be played, and is all that the
@@ -36,13 +36,18 @@ pub struct Source {
 }
 
 impl Source {
-    /// The motion in a .amc or .bvh file.
+    /// The motion in a file, by its extension: .amc, .bvh, .csv or .json.
     pub fn load(&self, path: &Path) -> Result<Clip> {
         if is_clip(path) {
-            bail!("{} is a compressed clip, expected a motion (.amc or .bvh)", path.display());
+            bail!("{} is a compressed clip, expected a motion (.amc, .bvh, .csv or .json)", path.display());
         }
-        let options = Options { skeleton: self.skeleton.as_deref(), unit: self.unit.clone(), fps: self.rate };
+        let (skeleton, unit) = (self.skeleton.as_deref(), self.unit.clone());
+        let options = Options { skeleton, unit, fps: self.rate, sampled_fps: self.fps };
         let Imported { mut clip, has_rate, mut notes } = import::read(path, &options)?;
+        // Frames are those of the file: a T-pose that is left out must not be in what is resampled.
+        if let Some(frames) = self.frames {
+            clip.motion = frames.of(path, &clip.motion)?;
+        }
         let own = clip.motion.fps;
         match self.fps {
             Some(fps) if !has_rate => clip.motion.fps = fps,
@@ -58,9 +63,6 @@ impl Source {
             _ => {}
         }
         tell(path, &notes);
-        if let Some(frames) = self.frames {
-            clip.motion = frames.of(path, &clip.motion)?;
-        }
         match &self.puppet {
             Some(puppet) => Ok(Puppet::read(puppet)?.followed(&clip)?),
             None => Ok(clip),
