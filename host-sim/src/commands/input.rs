@@ -1,8 +1,10 @@
 //! Arguments that several commands share: what is read, and how it is coded.
 
 use super::frames::FrameRange;
-use anyhow::{Context, Result, bail};
+use super::same_channels;
+use anyhow::{Context, Result, anyhow, bail};
 use encoder::qmd::Method;
+use fit::Report;
 use host_sim::files;
 use mocap::Clip;
 use mocap::import::{self, Imported, Options, Unit};
@@ -29,15 +31,24 @@ pub struct Source {
     /// Only these frames of the file, from 0 on and the last one left out: `1..` leaves out the first, which is often a T-pose.
     #[arg(long, value_name = "FIRST..END")]
     frames: Option<FrameRange>,
-    /// Only the channels that this puppet's joints follow, in its order. Such a clip needs no skeleton to be played, and is all that the
-    /// puppet's controller has to hold and decode. Errors are those of the skeleton's joints with all else at rest.
+    /// Fit the motion to this puppet: one channel for each of its joints, in degrees (cm for translations) within the joint's
+    /// range. Such a clip needs no skeleton to be played, and is all that the puppet's controller has to hold and decode. An
+    /// error of 1 cm is 1 degree of a joint.
     #[arg(long, value_name = "PUPPET.toml")]
-    puppet: Option<PathBuf>,
+    pub puppet: Option<PathBuf>,
+    /// Bring each of the puppet's joints within its speed and acceleration first, without delay.
+    #[arg(long, requires = "puppet")]
+    smooth: bool,
 }
 
 impl Source {
-    /// The motion in a file, by its extension: .amc, .bvh, .csv or .json.
+    /// The motion in a .amc, .bvh, .csv or .json file, fitted to the puppet where there is one.
     pub fn load(&self, path: &Path) -> Result<Clip> {
+        Ok(self.load_fitted(path)?.0)
+    }
+
+    /// As [`load`](Self::load), and what the puppet cannot do of it.
+    pub fn load_fitted(&self, path: &Path) -> Result<(Clip, Option<Report>)> {
         if is_clip(path) {
             bail!("{} is a compressed clip, expected a motion (.amc, .bvh, .csv or .json)", path.display());
         }
@@ -63,26 +74,27 @@ impl Source {
             _ => {}
         }
         tell(path, &notes);
-        match &self.puppet {
-            Some(puppet) => Ok(Puppet::read(puppet)?.followed(&clip)?),
-            None => Ok(clip),
-        }
+        let Some(puppet) = &self.puppet else { return Ok((clip, None)) };
+        let plan = Puppet::read(puppet)?.plan(&clip.skeleton).map_err(|mistakes| {
+            let sentences: Vec<String> = mistakes.iter().map(ToString::to_string).collect();
+            anyhow!(sentences.join("\nbunraku: "))
+        })?;
+        let fitted = fit::fit(&plan, &clip, self.smooth);
+        Ok((fitted.clip, Some(fitted.report)))
     }
 
-    /// The motion in a .amc, .bvh, .qmd or .mclip file; a clip takes its skeleton from `reference`, whose channels it
-    /// must have. Also the size that counts: that of a compressed clip, or of the samples as float32.
+    /// The motion in a .amc, .bvh, .qmd or .mclip file on the skeleton of `reference`, whose channels it must have, in any order
+    /// where it names them. Also the size that counts: that of a compressed clip, or of the samples as float32.
     pub fn load_any(&self, path: &Path, reference: &Clip) -> Result<(Clip, u64)> {
         if !is_clip(path) {
             let clip = self.load(path)?;
             let bytes = clip.motion.samples.len() * 4;
-            return Ok((clip, bytes as u64));
+            let motion = same_channels::of_motion(path, &clip, &reference.skeleton)?;
+            return Ok((Clip { skeleton: reference.skeleton.clone(), motion }, bytes as u64));
         }
         let bytes = files::read(path)?;
-        let mut motion = decode(path, &bytes)?;
-        let (found, expected) = (motion.channels, reference.motion.channels);
-        if found != expected {
-            bail!("{} has {found} channels, expected {expected} as in the reference", path.display());
-        }
+        let motion = decode(path, &bytes)?;
+        let mut motion = same_channels::of_clip(path, &bytes, &motion, &reference.skeleton)?;
         if motion.fps == 0.0 {
             motion.fps = self.fps.unwrap_or(reference.motion.fps);
         }

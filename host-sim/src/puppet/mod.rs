@@ -4,4 +4,5 @@
 pub mod budget;
 pub mod calibrate;
 pub mod channels;
+pub mod joint_errors;
 pub mod rehearse;
