@@ -1,6 +1,5 @@
 //! `bunraku info` of a compressed clip.
 
-use super::Args;
 use crate::commands::input::is_mclip;
 use anyhow::{Context, Result};
 use decoder_core::Limits;
@@ -9,21 +8,22 @@ use decoder_core::qmd::Clip;
 use encoder::memory::OwnedMemory;
 use host_sim::cycle_limit::header_core;
 use host_sim::files;
+use std::path::Path;
 
 /// Prints what the clip holds.
-pub fn print(args: &Args) -> Result<()> {
-    let bytes = files::read(&args.file)?;
-    if is_mclip(&args.file) {
-        return mclip(args, &bytes);
+pub fn print(file: &Path, list_channels: bool, json: bool) -> Result<()> {
+    let bytes = files::read(file)?;
+    if is_mclip(file) {
+        return mclip(file, &bytes, list_channels, json);
     }
-    let clip = Clip::parse(&bytes, Limits::MAX)
-        .with_context(|| format!("{} is not a QMD clip", args.file.display()))?;
+    let clip =
+        Clip::parse(&bytes, Limits::MAX).with_context(|| format!("{} is not a QMD clip", file.display()))?;
     let layout = clip.layout();
     let fps = (layout.rate_centihertz > 0).then(|| f64::from(layout.rate_centihertz) / 100.0);
     let highest = clip.levels().iter().max().copied().unwrap_or(0);
     let pose_bytes = clip.channels() * 4;
     let table_bytes = layout.table_bytes();
-    if args.json {
+    if json {
         let report = serde_json::json!({
             "codec": "qmd", "bytes": bytes.len(), "frames": clip.frames(), "channels": clip.channels(),
             "fps": fps, "fdf": layout.fixed_channels, "index_bits": layout.index_bits,
@@ -33,7 +33,7 @@ pub fn print(args: &Args) -> Result<()> {
         println!("{report:#}");
         return Ok(());
     }
-    println!("{}: QMD, {} bytes", args.file.display(), bytes.len());
+    println!("{}: QMD, {} bytes", file.display(), bytes.len());
     match fps {
         Some(fps) => {
             println!("  {} frames at {fps} fps, {:.2} s", clip.frames(), f64::from(clip.frames()) / fps);
@@ -53,12 +53,12 @@ pub fn print(args: &Args) -> Result<()> {
     Ok(())
 }
 
-fn mclip(args: &Args, bytes: &[u8]) -> Result<()> {
-    let name = args.file.display();
+fn mclip(file: &Path, bytes: &[u8], list_channels: bool, json: bool) -> Result<()> {
+    let name = file.display();
     // Without a list of channels nothing is decoded, but every checksum is looked at.
     let clip = mclip::Clip::parse(bytes, Limits::MAX).and_then(mclip::Clip::verify);
     let clip = clip.with_context(|| format!("{name} is not a sound mclip"))?;
-    let ranges = match args.channels || args.json {
+    let ranges = match list_channels || json {
         true => Ranges::of(&clip).with_context(|| format!("{name} is not a sound mclip"))?,
         false => Ranges::default(),
     };
@@ -80,7 +80,7 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<()> {
             (name, u32::from_le_bytes([a, b, c, d]))
         })
         .collect();
-    if args.json {
+    if json {
         let channels: Vec<_> = header
             .channels()
             .enumerate()
@@ -125,7 +125,7 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<()> {
     }
     let resting = header.channels().filter(|channel| channel.bits == 0).count();
     println!("  {} channels, of which {resting} rest", clip.channels());
-    if args.channels {
+    if list_channels {
         if ranges.frames < clip.frames() {
             println!("  lowest and highest of the first {} frames", ranges.frames);
         }

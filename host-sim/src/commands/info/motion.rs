@@ -1,23 +1,23 @@
 //! `bunraku info` of a recording or a skeleton.
 
-use super::Args;
 use crate::commands::input;
 use mocap::import::unit;
 use mocap::skeleton::Dof;
 use mocap::survey::Survey;
 use mocap::{Clip, Motion, Skeleton};
+use std::path::Path;
 
 const fn unit_of(dof: Dof) -> &'static str {
     if dof.is_rotation() { "degrees" } else { "cm" }
 }
 
 /// Prints what the recording holds.
-pub fn print(args: &Args, clip: &Clip) {
+pub fn print(file: &Path, clip: &Clip, all_channels: bool, json: bool) {
     let Clip { skeleton, motion } = clip;
     let survey = Survey::of(clip);
     let height = unit::height(clip, [0.0; 3]);
     let flips = |joint: usize| survey.flips.iter().find(|flips| flips.joint == joint);
-    if args.json {
+    if json {
         let channels: Vec<_> = (skeleton.channels.iter().zip(&survey.channels))
             .map(|(channel, found)| {
                 serde_json::json!({
@@ -33,7 +33,7 @@ pub fn print(args: &Args, clip: &Clip) {
             serde_json::json!({ "channel": skeleton.channels[jump.channel].name, "degrees": jump.degrees })
         });
         let report = serde_json::json!({
-            "file": args.file, "frames": motion.frames(), "fps": motion.fps, "joints": skeleton.joints.len(),
+            "file": file, "frames": motion.frames(), "fps": motion.fps, "joints": skeleton.joints.len(),
             "height_cm": height, "first_frame_jump": jump, "flips": flips, "channels": channels,
         });
         println!("{report:#}");
@@ -42,7 +42,7 @@ pub fn print(args: &Args, clip: &Clip) {
     let (frames, fps) = (motion.frames(), motion.fps);
     println!(
         "{}: motion, {frames} frames at {} fps, {:.2} s",
-        args.file.display(),
+        file.display(),
         input::short(fps),
         frames as f64 / fps
     );
@@ -66,7 +66,7 @@ pub fn print(args: &Args, clip: &Clip) {
         );
     }
     let still = survey.channels.iter().filter(|channel| channel.low == channel.high).count();
-    if still > 0 && !args.channels {
+    if still > 0 && !all_channels {
         println!("  {still} channels stand still (--channels lists them too)");
     }
     let width =
@@ -76,7 +76,7 @@ pub fn print(args: &Args, clip: &Clip) {
         "channel", "low", "high", "speed per s"
     );
     for (channel, found) in skeleton.channels.iter().zip(&survey.channels) {
-        if found.low == found.high && !args.channels {
+        if found.low == found.high && !all_channels {
             continue;
         }
         let note = if flips(channel.joint).is_some() && channel.dof.is_rotation() { "  flips" } else { "" };
@@ -94,11 +94,11 @@ pub fn print(args: &Args, clip: &Clip) {
 }
 
 /// Prints what the skeleton holds.
-pub fn print_skeleton(args: &Args, skeleton: &Skeleton) {
+pub fn print_skeleton(file: &Path, skeleton: &Skeleton, json: bool) {
     let channels = skeleton.channels.len();
     let rest = Motion { fps: 1.0, channels, samples: vec![0.0; channels] };
     let height = unit::height(&Clip { skeleton: skeleton.clone(), motion: rest }, [0.0; 3]);
-    if args.json {
+    if json {
         let channels: Vec<_> = (skeleton.channels.iter())
             .map(|channel| {
                 serde_json::json!({
@@ -113,14 +113,14 @@ pub fn print_skeleton(args: &Args, skeleton: &Skeleton) {
             })
             .collect();
         let report = serde_json::json!({
-            "file": args.file, "height_cm": height, "joints": joints, "channels": channels,
+            "file": file, "height_cm": height, "joints": joints, "channels": channels,
         });
         println!("{report:#}");
         return;
     }
     println!(
         "{}: skeleton, {} joints, {channels} channels; {:.2} m from the lowest joint to the highest at rest",
-        args.file.display(),
+        file.display(),
         skeleton.joints.len(),
         height / 100.0
     );
