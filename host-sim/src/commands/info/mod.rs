@@ -33,16 +33,16 @@ pub struct Args {
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
-    let is =
-        |extension: &str| args.file.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension));
-    if is_clip(&args.file) {
-        clip::print(&args)?;
+    let Args { file, source, channels, json } = args;
+    let is = |extension: &str| file.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension));
+    if is_clip(&file) {
+        clip::print(&file, channels, json)?;
     } else if is("toml") {
-        puppet::print(&args)?;
+        puppet::print(&file, json)?;
     } else if is("asf") {
-        motion::print_skeleton(&args, &import::load_skeleton(&args.file)?);
+        motion::print_skeleton(&file, &import::load_skeleton(&file)?, json);
     } else {
-        motion::print(&args, &args.source.load(&args.file)?);
+        motion::print(&file, &source.load(&file)?, channels, json);
     }
     Ok(ExitCode::SUCCESS)
 }
