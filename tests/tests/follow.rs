@@ -76,7 +76,7 @@ fn follow(late: Duration) -> Followed {
     let puppet = Puppet::read(&puppet()).unwrap();
     let map = puppet.map(puppet.channels().unwrap()).unwrap();
     let joints = map.joints().iter();
-    let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
+    let servos = joints.map(|joint| ServoConfig { position: joint.home, ..ServoConfig::new(joint.id) });
     let mut servos =
         DynamixelServos::new(&DynamixelConfig { servos: servos.collect(), ..DynamixelConfig::with_ids(&[]) })
             .unwrap();

@@ -65,7 +65,7 @@ pub enum MapError {
         /// The servo.
         id: u8,
     },
-    /// Zero or home not within `min..=max`, or these not within [`GOAL_LIMIT`].
+    /// Home not within `min..=max`, or zero or these not within [`GOAL_LIMIT`].
     Range {
         /// The servo.
         id: u8,

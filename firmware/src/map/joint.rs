@@ -27,7 +27,7 @@ pub struct Joint {
     pub bus: u8,
     /// The servo's id on the bus, 0 to [`MAX_ID`](servo_wire::dynamixel::MAX_ID).
     pub id: u8,
-    /// Goal at channel value 0, within `min..=max`.
+    /// Goal at channel value 0, within ±[`GOAL_LIMIT`]: the servo need not be able to go there.
     pub zero: i32,
     /// Goal at rest, within `min..=max`.
     pub home: i32,

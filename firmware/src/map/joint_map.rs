@@ -64,11 +64,13 @@ impl<const N: usize> JointMap<N> {
                 return Err(MapError::Scale { id });
             }
             if joint.min < -GOAL_LIMIT || joint.max > GOAL_LIMIT {
-                return Err(MapError::Range { id, min: joint.min, found: joint.zero, max: joint.max });
+                return Err(MapError::Range { id, min: joint.min, found: joint.home, max: joint.max });
             }
-            for found in [joint.zero, joint.home] {
-                if found < joint.min || found > joint.max {
-                    return Err(MapError::Range { id, min: joint.min, found, max: joint.max });
+            for (found, min, max) in
+                [(joint.home, joint.min, joint.max), (joint.zero, -GOAL_LIMIT, GOAL_LIMIT)]
+            {
+                if found < min || found > max {
+                    return Err(MapError::Range { id, min, found, max });
                 }
             }
             for found in [joint.max_velocity, joint.max_acceleration] {
@@ -248,14 +250,17 @@ mod tests {
             (vec![ELBOW, Joint { id: 2, ..ELBOW }, ELBOW], MapError::DuplicateId { id: 3 }),
             (vec![Joint { bus: 1, ..ELBOW }], MapError::Bus { id: 3, found: 1, buses: 1 }),
             (vec![Joint { scale: I16F16::ZERO, ..ELBOW }], MapError::Scale { id: 3 }),
-            (vec![Joint { zero: 999, ..ELBOW }], MapError::Range { id: 3, min: 1000, found: 999, max: 3000 }),
+            (
+                vec![Joint { zero: GOAL_LIMIT + 1, ..ELBOW }],
+                MapError::Range { id: 3, min: -GOAL_LIMIT, found: GOAL_LIMIT + 1, max: GOAL_LIMIT },
+            ),
             (
                 vec![Joint { home: 3001, ..ELBOW }],
                 MapError::Range { id: 3, min: 1000, found: 3001, max: 3000 },
             ),
             (
                 vec![Joint { max: i32::MAX, ..ELBOW }],
-                MapError::Range { id: 3, min: 1000, found: 2048, max: i32::MAX },
+                MapError::Range { id: 3, min: 1000, found: 2000, max: i32::MAX },
             ),
             (vec![Joint { max_velocity: 0, ..ELBOW }], MapError::Velocity { id: 3, found: 0 }),
             (vec![Joint { max_acceleration: -1, ..ELBOW }], MapError::Velocity { id: 3, found: -1 }),
@@ -321,7 +326,7 @@ mod tests {
                 *version = VERSION;
             }
             if let Ok(map) = JointMap::<4>::parse(&bytes) {
-                prop_assert!(map.joints().iter().all(|joint| joint.min <= joint.zero && joint.zero <= joint.max));
+                prop_assert!(map.joints().iter().all(|joint| joint.min <= joint.home && joint.home <= joint.max));
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use core::fmt;
 use mocap::skeleton::{Dof, Skeleton};
+use std::collections::BTreeSet;
 
 /// What has the channels, for what is told of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,7 +11,7 @@ pub enum Owner {
     Skeleton,
     /// A clip that names its channels.
     Clip,
-    /// A puppet that names no skeleton: the channels that its joints follow.
+    /// A puppet: the channels of the clips that are made for it, one for each joint.
     Puppet,
 }
 
@@ -99,6 +100,14 @@ impl Channels {
     #[must_use]
     pub const fn owner(&self) -> Owner {
         self.owner
+    }
+
+    /// Whether they can be those of a clip that was made for a puppet: one channel a joint, a rotation about x or a
+    /// translation along x.
+    pub(crate) fn may_be_fitted(&self) -> bool {
+        let mut joints = BTreeSet::new();
+        let fits = |name: &str| name.ends_with(".rx") || name.ends_with(".tx");
+        self.owner != Owner::Skeleton && self.names().all(|name| fits(name) && joints.insert(joint_of(name)))
     }
 
     /// How many there are.

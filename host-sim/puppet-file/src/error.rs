@@ -4,7 +4,7 @@ use crate::channels::{MissingChannel, Unit};
 use crate::models::UnknownModel;
 use crate::place::Place;
 use core::fmt;
-use firmware::map::{MAX_BUSES, MAX_SERVOS, MapError};
+use firmware::map::{GOAL_LIMIT, MAX_BUSES, MAX_SERVOS, MapError};
 use servo_wire::pca9685::CHANNELS;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -139,6 +139,59 @@ pub enum Problem {
         /// The name.
         name: String,
     },
+    /// A joint follows nothing, or several things.
+    #[error("expected one of `channel`, `turn`, `chain` and `sum`, and not several")]
+    Follows,
+    /// An axis of a joint that is in no chain.
+    #[error("`axis` belongs to a joint with `chain`; a turn has its axis within its braces")]
+    AxisWithoutChain,
+    /// A joint of a chain has no axis.
+    #[error("a joint of a chain needs `axis`, in the T-pose: x to the figure's left, y up, z forward")]
+    NoAxis,
+    /// There is no chain of that name.
+    #[error("there is no [[chain]] with the name \"{name}\"")]
+    UnknownChain {
+        /// The name.
+        name: String,
+    },
+    /// Two chains have this name.
+    #[error("another chain has this name")]
+    ChainTwice,
+    /// A chain with no joint, or too many.
+    #[error("{found} joints have this chain, expected 1 to 3")]
+    ChainJoints {
+        /// How many.
+        found: usize,
+    },
+    /// A weight of a turn that is in no sum.
+    #[error("a weight belongs to the turns of a `sum`; for one turn there is `scale`")]
+    WeightOfTurn,
+    /// A sum of nothing.
+    #[error("found no turns, expected at least one")]
+    EmptySum,
+    /// A number that is infinite or none.
+    #[error("found {found}, expected a number")]
+    NotFinite {
+        /// What it is.
+        found: f64,
+    },
+    /// The clip has no channel for a joint that follows a turn, a chain or a sum.
+    #[error("the clip was not made for this puppet: make one with bunraku encode --puppet and this file")]
+    NotFitted,
+    /// The skeleton has no such bone.
+    #[error("the skeleton has no bone \"{name}\"; it has {}", .known.join(", "))]
+    NoBone {
+        /// The name.
+        name: String,
+        /// What names it knows: body parts that it has, and joints with names that are like it.
+        known: Vec<String>,
+    },
+    /// The zero is beyond what a map holds.
+    #[error("found {found}, expected -{GOAL_LIMIT} to {GOAL_LIMIT}")]
+    Zero {
+        /// The goal at value 0, the offset included.
+        found: f64,
+    },
     /// The channel is beyond those that a map can number.
     #[error("a clip has at most 65535 channels")]
     ChannelNumber,
@@ -157,6 +210,12 @@ pub enum Problem {
     /// No range, or two.
     #[error("expected either `range` or `goal_range`, and not both")]
     Ranges,
+    /// A range of another number of values than two.
+    #[error("found {found} numbers, expected two: the lowest and the highest")]
+    RangeLength {
+        /// How many.
+        found: usize,
+    },
     /// A range beyond that of the servo.
     #[error("these are goals {min} to {max}, a servo takes {lowest} to {highest}")]
     RangeBeyondServo {
@@ -168,16 +227,6 @@ pub enum Problem {
         lowest: i32,
         /// Highest goal of the servo.
         highest: i32,
-    },
-    /// A range without the zero.
-    #[error("these are goals {min} to {max}, which must include the zero, {zero}")]
-    RangeWithoutZero {
-        /// Lowest goal of the range.
-        min: f64,
-        /// Highest goal of the range.
-        max: f64,
-        /// The goal where the channel is 0.
-        zero: i32,
     },
     /// A home out of the range.
     #[error("this is goal {goal}, the range is {min} to {max}")]
@@ -195,6 +244,16 @@ pub enum Problem {
         /// Goals a second.
         hz: f64,
         /// Least speed in the channel's unit.
+        least: f64,
+        /// The channel's unit.
+        unit: Unit,
+    },
+    /// An acceleration below the least that a map can say.
+    #[error("too little for a servo at {hz} Hz, expected at least {least:.4} {unit}s/s²")]
+    TooGentle {
+        /// Goals a second.
+        hz: f64,
+        /// Least acceleration in the channel's unit.
         least: f64,
         /// The channel's unit.
         unit: Unit,

@@ -6,7 +6,7 @@ use crate::file::JointEntry;
 use crate::puppet::Puppet;
 use decoder_core::I16F16;
 use firmware::limits::{FINE_BITS, MAX_VELOCITY};
-use firmware::map::{BusKind, Idle, Joint};
+use firmware::map::{BusKind, GOAL_LIMIT, Idle, Joint};
 use toml::Spanned;
 
 /// Seconds in which a joint reaches its highest speed, where a puppet does not say its acceleration.
@@ -34,12 +34,14 @@ const fn goals_per_degree(kind: BusKind) -> f64 {
     }
 }
 
-/// The channel that a joint follows.
+/// The channel that a joint follows in a clip.
 struct Channel {
     index: u16,
     unit: Unit,
     /// Goal units per unit, without the direction.
     scale: f64,
+    /// What is still to be added to its values to get those of the joint.
+    offset: f64,
 }
 
 impl Puppet {
@@ -66,10 +68,10 @@ impl Puppet {
             None => speed.map(|speed| speed / DEFAULT_RISE),
             Some(acceleration) => mistakes.note(self.positive(acceleration, f64::MAX)),
         };
-        let (Channel { index, unit, scale }, sign) = (channel?, sign?);
+        let (Channel { index, unit, scale, offset }, sign) = (channel?, sign?);
         let zero = entry.zero.as_ref().map_or((lowest + highest + 1) / 2, |zero| *zero.get_ref());
         let to_goal = |value: f64| (f64::from(zero) + sign * scale * value).round();
-        let range = mistakes.note(self.range(entry, zero, (lowest, highest), to_goal));
+        let range = mistakes.note(self.range(entry, (lowest, highest), to_goal));
         let home = match (&entry.home, range) {
             (Some(home), Some((min, max))) => {
                 let goal = to_goal(*home.get_ref());
@@ -77,7 +79,9 @@ impl Puppet {
                 mistakes
                     .note(fits.ok_or_else(|| self.wrong(home, Problem::HomeOutOfRange { goal, min, max })))
             }
-            _ => Some(f64::from(zero)),
+            // At value 0, or as near to it as the range lets the joint come.
+            (None, Some((min, max))) => Some(f64::from(zero).clamp(min, max)),
+            (_, None) => None,
         };
         let hz = f64::from(*self.file.servo_hz.get_ref());
         let fine = f64::from(1 << FINE_BITS);
@@ -89,7 +93,18 @@ impl Puppet {
             let too_slow = || self.wrong(&entry.max_speed, Problem::TooSlow { hz, least, unit });
             mistakes.note(fits.ok_or_else(too_slow))
         });
-        let acceleration = acceleration.map(|value| (value * scale / (hz * hz) * fine).clamp(1.0, most));
+        let acceleration = acceleration.and_then(|acceleration| {
+            let goals = (acceleration * scale / (hz * hz) * fine).min(most);
+            let least = hz * hz / scale / fine;
+            // Only what the file says can be wrong: what follows from the speed is as little as can be.
+            match &entry.max_acceleration {
+                Some(given) if goals < 1.0 => {
+                    mistakes.add(self.wrong(given, Problem::TooGentle { hz, least, unit }));
+                    None
+                }
+                _ => Some(goals.max(1.0)),
+            }
+        });
         let idle = match &entry.idle {
             Some(spanned) => {
                 // Without a range that is one, the servo's own.
@@ -110,6 +125,7 @@ impl Puppet {
             }
             None => Some(Idle::default()),
         };
+        let zero = mistakes.note(self.zero(entry, (f64::from(zero) + sign * scale * offset).round()));
         let scale = I16F16::saturating_from_num(sign * scale);
         if scale == I16F16::ZERO {
             mistakes.add(self.wrong(&entry.name, Problem::ScaleZero));
@@ -119,7 +135,7 @@ impl Puppet {
             channel: index,
             bus,
             id: *entry.id.get_ref(),
-            zero,
+            zero: zero?,
             home: home? as i32,
             scale,
             min: min as i32,
@@ -131,36 +147,59 @@ impl Puppet {
     }
 
     fn channel(&self, entry: &JointEntry, per_degree: f64, channels: &Channels) -> Result<Channel, Error> {
-        let found = channels.find(entry.channel.get_ref());
-        let (index, unit) = found.map_err(|missing| self.wrong(&entry.channel, missing))?;
+        let offset = self.offset(entry)?;
+        let place = entry.channel.as_ref().unwrap_or(&entry.name);
+        let own = self.own_channel(entry)?.0;
+        let fitted = if channels.may_be_fitted() { channels.find(&own).ok() } else { None };
+        let ((index, unit), offset) = match (fitted, &entry.channel) {
+            // Its values are those of the joint already.
+            (Some(found), _) => (found, 0.0),
+            (None, Some(name)) => {
+                let found = channels.find(name.get_ref());
+                (found.map_err(|missing| self.wrong(name, missing))?, offset)
+            }
+            (None, None) => return Err(self.wrong(&entry.name, Problem::NotFitted)),
+        };
         let scale = match &entry.scale {
             Some(scale) => self.positive(scale, I16F16::MAX.to_num())?,
             None if unit == Unit::Degree => per_degree,
-            None => return Err(self.wrong(&entry.channel, Problem::NoScale)),
+            None => return Err(self.wrong(place, Problem::NoScale)),
         };
-        let index = u16::try_from(index).map_err(|_| self.wrong(&entry.channel, Problem::ChannelNumber))?;
-        Ok(Channel { index, unit, scale })
+        let index = u16::try_from(index).map_err(|_| self.wrong(place, Problem::ChannelNumber))?;
+        Ok(Channel { index, unit, scale, offset })
+    }
+
+    /// The goal at channel value 0, which a map must be able to hold.
+    fn zero(&self, entry: &JointEntry, found: f64) -> Result<i32, Error> {
+        if found.abs() <= f64::from(GOAL_LIMIT) {
+            return Ok(found as i32);
+        }
+        let place =
+            entry.zero.as_ref().map(Spanned::span).or_else(|| entry.offset.as_ref().map(Spanned::span));
+        Err(self.wrong_at(place.unwrap_or_else(|| entry.name.span()), Problem::Zero { found }))
     }
 
     /// Lowest and highest goal.
     fn range(
         &self,
         entry: &JointEntry,
-        zero: i32,
         (lowest, highest): (i32, i32),
         to_goal: impl Fn(f64) -> f64,
     ) -> Result<(f64, f64), Error> {
-        let ([one, other], place) = match (&entry.range, &entry.goal_range) {
-            (Some(range), None) => (range.get_ref().map(to_goal), range.span()),
-            (None, Some(range)) => (range.get_ref().map(f64::from), range.span()),
+        let (goals, place): (Vec<f64>, _) = match (&entry.range, &entry.goal_range) {
+            (Some(range), None) => (range.get_ref().iter().copied().map(to_goal).collect(), range.span()),
+            (None, Some(range)) => (range.get_ref().iter().copied().map(f64::from).collect(), range.span()),
             _ => return Err(self.wrong(&entry.name, Problem::Ranges)),
         };
+        let &[one, other] = goals.as_slice() else {
+            return Err(self.wrong_at(place, Problem::RangeLength { found: goals.len() }));
+        };
+        if let Some(&found) = goals.iter().find(|goal| !goal.is_finite()) {
+            return Err(self.wrong_at(place, Problem::NotFinite { found }));
+        }
         let (min, max) = (one.min(other), one.max(other));
         if !(min >= f64::from(lowest) && max <= f64::from(highest)) {
             return Err(self.wrong_at(place, Problem::RangeBeyondServo { min, max, lowest, highest }));
-        }
-        if f64::from(zero) < min || f64::from(zero) > max {
-            return Err(self.wrong_at(place, Problem::RangeWithoutZero { min, max, zero }));
         }
         Ok((min, max))
     }

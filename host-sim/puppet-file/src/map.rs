@@ -40,6 +40,7 @@ impl Puppet {
         let mut mistakes = Mistakes::default();
         let buses = mistakes.note(self.buses());
         let settings = mistakes.note(self.settings(&channels));
+        self.check_chains(&mut mistakes);
         let mut joints: Vec<Joint> = Vec::new();
         for (index, entry) in self.file.joint.iter().enumerate() {
             let earlier = self.file.joint.iter().take(index);
@@ -60,6 +61,7 @@ impl Puppet {
                 mistakes.add(self.wrong(&entry.id, Problem::OutOfRange { found, least, most }));
             }
             mistakes.note(self.model(entry));
+            self.check_follows(entry, &mut mistakes);
             let kind = bus.and_then(|bus| buses.as_ref()?.get(usize::from(bus)).map(|bus| bus.kind));
             let kind = kind.unwrap_or(BusKind::Dynamixel);
             if kind == BusKind::Pca9685 && usize::from(id) >= CHANNELS {
@@ -132,6 +134,7 @@ impl Puppet {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::channels::{Owner, Unit};
     use decoder_core::I16F16;
     use firmware::map::BusSpec;
     use std::path::Path;
@@ -192,9 +195,46 @@ mod tests {
             ("id = 3", "id = 253", "line 6, key \"id\": found 253, expected 0 to 252"),
             ("id = 3", "idd = 3", "line 6, key \"idd\": unknown field `idd`"),
             ("id = 3", "id = ", "line 6, key \"id\""),
-            ("range = [-90, 10]", "range = [10, 90]", "line 7, key \"range\": these are goals 2162 to 3072"),
             ("range = [-90, 10]", "range = [-200, 10]", "a servo takes 0 to 4095"),
-            ("range = [-90, 10]", "range = [-90, nan]", "line 7, key \"range\""),
+            (
+                "range = [-90, 10]",
+                "range = [-90, nan]",
+                "line 7, key \"range\": found NaN, expected a number",
+            ),
+            ("range = [-90, 10]", "range = [-90, 10, 3]", "line 7, key \"range\": found 3 numbers"),
+            ("range = [-90, 10]", "goal_range = [0]", "line 7, key \"goal_range\": found 1 numbers"),
+            ("id = 3", "id = 3\noffset = inf", "line 7, key \"offset\": found inf, expected a number"),
+            ("id = 3", "id = 3\noffset = 1e9", "line 7, key \"offset\": found 1137777"),
+            (
+                "id = 3",
+                "id = 3\nturn = { bone = 'head', against = 'chest', axis = 'y' }",
+                "line 4, key \"name\": expected one of",
+            ),
+            ("channel = 'rradius.rx'", "", "expected one of `channel`, `turn`, `chain` and `sum`"),
+            ("channel = 'rradius.rx'", "chain = 'arm'\naxis = 'y'", "no [[chain]] with the name \"arm\""),
+            (
+                "channel = 'rradius.rx'",
+                "turn = { bone = 'head', against = 'chest', axis = 'w' }",
+                "an axis: \"x\", ",
+            ),
+            (
+                "channel = 'rradius.rx'",
+                "turn = { bone = 'head', against = 'chest', axis = [0, 0, 0] }",
+                "found [0.0, 0.0, 0.0], expected an axis",
+            ),
+            ("channel = 'rradius.rx'", "turn = { bone = 'head', axis = 'x' }", "missing field `against`"),
+            (
+                "channel = 'rradius.rx'",
+                "turn = { bone = 'head', against = 'chest', axis = 'x', weight = 2 }",
+                "a weight belongs to",
+            ),
+            ("channel = 'rradius.rx'", "sum = []", "found no turns"),
+            ("id = 3", "id = 3\naxis = 'x'", "`axis` belongs to a joint with `chain`"),
+            (
+                "max_speed = 90",
+                "max_speed = 90\nmax_acceleration = 1e-308",
+                "line 9, key \"max_acceleration\": too little for",
+            ),
             ("range = [-90, 10]", "", "either `range` or `goal_range`"),
             (
                 "max_speed = 90",
@@ -275,6 +315,85 @@ mod tests {
         let found: Vec<_> = map.joints().iter().map(|joint| (joint.bus, joint.id, joint.min)).collect();
         assert_eq!(found, [(0, 3, 1138), (0, 4, 1138), (1, 3, 611)]);
         assert_eq!(map.buses()[1], BusSpec { kind: BusKind::Pwm, baud: 50 });
+    }
+
+    #[test]
+    fn chains_have_names_of_their_own_and_one_to_three_joints() {
+        let chain =
+            |name: &str| format!("[[chain]]\nname = '{name}'\nbone = 'right upper arm'\nagainst = 'chest'\n");
+        let joint = |id: usize, line: &str| {
+            ELBOW
+                .replace("'elbow'", &format!("'{id}'"))
+                .replace("id = 3", &format!("id = {id}"))
+                .replace("channel = 'rradius.rx'", line)
+                + "\n"
+        };
+        let mistakes = |chains: &str, joints: &[&str]| {
+            let mut text = format!("servo_hz = 50\nbaud = 1\n{chains}");
+            for (id, line) in joints.iter().enumerate() {
+                text += &format!("[[joint]]\n{}", joint(id, line));
+            }
+            let puppet = Puppet::parse(Path::new("puppet.toml"), text).unwrap();
+            let mistakes = puppet.channels().map(|channels| puppet.check(channels)).unwrap();
+            mistakes.map_or_else(
+                |found| found.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"),
+                |map| map.joints().len().to_string(),
+            )
+        };
+        let arm = "chain = 'arm'\naxis = [0, 0, -2]";
+        assert_eq!(mistakes(&chain("arm"), &[arm; 3]), "3");
+        assert!(
+            mistakes(&chain("arm"), &[arm; 4]).contains("line 4, key \"name\": 4 joints have this chain")
+        );
+        assert!(
+            mistakes(&(chain("arm") + &chain("leg")), &[arm])
+                .contains("line 8, key \"name\": 0 joints have this")
+        );
+        assert!(
+            mistakes(&(chain("arm") + &chain("arm")), &[arm])
+                .contains("line 8, key \"name\": another chain has")
+        );
+        assert!(
+            mistakes(&chain("arm"), &["chain = 'arm'"])
+                .contains("line 9, key \"chain\": a joint of a chain needs")
+        );
+    }
+
+    /// The same joint from a whole skeleton's clip, where the offset is part of the map, and from a fitted one.
+    #[test]
+    fn a_range_need_not_contain_zero_and_an_offset_moves_what_is_followed() {
+        let lines = ELBOW.replace("[-90, 10]", "[10, 90]");
+        let at = |map: &Map| {
+            let joint = map.joints()[0];
+            (joint.channel, joint.zero, joint.min, joint.max, joint.home)
+        };
+        assert_eq!(at(&map(&lines).unwrap()), (24, 2048, 2162, 3072, 2162));
+        let lines = format!("{lines}\noffset = 90\ndirection = -1");
+        assert_eq!(at(&map(&lines).unwrap()), (24, 1024, 1024, 1934, 1934));
+        let text = format!("servo_hz = 50\nbaud = 1\n[[joint]]\n{lines}\n");
+        let puppet = Puppet::parse(Path::new("puppet.toml"), text).unwrap();
+        let fitted = || {
+            [("other.rx", Unit::Degree), ("elbow.rx", Unit::Degree)]
+                .map(|(name, unit)| (name.to_owned(), unit))
+        };
+        let of = |owner| puppet.map(Channels::new(owner, fitted()));
+        assert_eq!(at(&of(Owner::Clip).unwrap()), (1, 2048, 1024, 1934, 1934));
+        // A skeleton's channel of the same name is another thing.
+        assert!(of(Owner::Skeleton).is_err());
+    }
+
+    #[test]
+    fn what_is_no_channel_needs_a_clip_of_the_puppet() {
+        let line = "sum = [{ bone = 'neck', against = 'chest', axis = 'x', weight = 0.5 }, { bone = 'head', against = 'neck', axis = '-x' }]";
+        let text = format!(
+            "servo_hz = 50\nbaud = 1\n[[joint]]\n{}\n",
+            ELBOW.replace("channel = 'rradius.rx'", line)
+        );
+        let puppet = Puppet::parse(Path::new("puppet.toml"), text).unwrap();
+        assert!(puppet.needs_fit());
+        assert_eq!(puppet.map(puppet.channels().unwrap()).unwrap().joints()[0].channel, 0);
+        let error = puppet.map(&mocap::sample::clip().skeleton).unwrap_err().to_string();
+        assert!(error.contains("line 4, key \"name\": the clip was not made for this puppet"), "{error}");
     }
 
     #[test]

@@ -8,7 +8,6 @@ use crate::place::Place;
 use firmware::map::{BusKind, BusSpec, Joint, MAX_BUSES};
 use heapless::Vec as HeaplessVec;
 use mocap::Clip;
-use mocap::skeleton::Dof;
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -130,48 +129,43 @@ impl Puppet {
         self.file.joint.iter().find(is).map_or("", |entry| entry.name.get_ref())
     }
 
-    /// The channels that the joints follow, as `bunraku encode --puppet` orders them.
-    ///
-    /// The skeleton's joints come in the order in which the file names them first, and so do the channels of each.
+    /// The channels of the clips that `bunraku encode --puppet` makes for this puppet: one for each joint, in the order of
+    /// the file, named as the joint.
     ///
     /// # Errors
     /// A channel whose name does not say what it moves.
     pub fn channels(&self) -> Result<Channels, Error> {
-        let mut names: Vec<&str> = Vec::new();
-        for name in self.file.joint.iter().map(|entry| entry.channel.get_ref()) {
-            if !names.contains(&name.as_str()) {
-                names.push(name);
-            }
-        }
-        let mut joints: Vec<&str> = Vec::new();
-        for joint in names.iter().map(|name| joint_of(name)) {
-            if !joints.contains(&joint) {
-                joints.push(joint);
-            }
-        }
-        let mut columns = Vec::new();
-        for name in joints.iter().flat_map(|&joint| names.iter().filter(move |name| joint_of(name) == joint))
-        {
-            let dof = Dof::ALL.into_iter().find(|dof| name.ends_with(&format!(".{}", dof.name())));
-            let dof =
-                dof.ok_or_else(|| self.wrong_channel(name, Problem::Dof { name: (*name).to_owned() }))?;
-            columns.push(((*name).to_owned(), dof.into()));
-        }
-        Ok(Channels::new(Owner::Puppet, columns))
+        let columns = self.file.joint.iter().map(|entry| self.own_channel(entry));
+        Ok(Channels::new(Owner::Puppet, columns.collect::<Result<Vec<_>, _>>()?))
     }
 
-    /// The part of a recording that the joints follow, with the channels of [`channels`](Self::channels).
+    /// Whether the puppet plays clips that were made for it alone: a joint follows something else than a channel.
+    pub fn needs_fit(&self) -> bool {
+        self.file.joint.iter().any(|entry| entry.channel.is_none())
+    }
+
+    /// The part of a recording that the joints follow: their channels, those of a skeleton's joint together.
     ///
     /// # Errors
     /// A channel that the recording does not have.
     pub fn followed(&self, recording: &Clip) -> Result<Clip, Error> {
         let all = Channels::from(&recording.skeleton);
         let mut kept = Vec::new();
-        for name in self.channels()?.names() {
-            kept.push(all.find(name).map_err(|missing| self.wrong_channel(name, missing))?.0);
+        for entry in &self.file.joint {
+            let Some(name) = &entry.channel else { return Err(self.wrong(&entry.name, Problem::NotFitted)) };
+            let found = all.find(name.get_ref());
+            let (index, _) = found.map_err(|missing| self.wrong(name, missing))?;
+            if !kept.contains(&index) {
+                kept.push(index);
+            }
         }
-        let motion = recording.motion.with_channels(&kept);
-        Ok(Clip { skeleton: recording.skeleton.with_channels(&kept), motion })
+        let first = |index: &usize| {
+            kept.iter().position(|other| joint_of(all.name(*other)) == joint_of(all.name(*index)))
+        };
+        let mut ordered = kept.clone();
+        ordered.sort_by_key(first);
+        let motion = recording.motion.with_channels(&ordered);
+        Ok(Clip { skeleton: recording.skeleton.with_channels(&ordered), motion })
     }
 
     /// The number of a joint's bus.
@@ -192,13 +186,6 @@ impl Puppet {
         let Some(spanned) = &entry.model else { return Ok(None) };
         let number = models::number(spanned.get_ref());
         number.map(Some).map_err(|unknown| self.wrong(spanned, unknown))
-    }
-
-    /// A mistake in the channel that is called `name`.
-    fn wrong_channel(&self, name: &str, problem: impl Into<Problem>) -> Error {
-        let entry = self.file.joint.iter().find(|entry| entry.channel.get_ref() == name);
-        let span = entry.map(|entry| Place::of(&self.text, entry.channel.span()));
-        Error::new(&self.path, span, problem)
     }
 
     /// A mistake in a value.
@@ -236,8 +223,9 @@ mod tests {
     fn a_puppets_own_channels_are_its_joints_in_order() {
         let puppet = puppet(&["a.b.rx", "c.tz", "a.b.rz", "c.tz", "d.l", "a.b.rx"]);
         let channels = puppet.channels().unwrap();
-        assert_eq!(channels.names().collect::<Vec<_>>(), ["a.b.rx", "a.b.rz", "c.tz", "d.l"]);
-        assert_eq!(channels.find("c.tz"), Ok((2, Unit::Centimetre)));
+        assert_eq!(channels.names().collect::<Vec<_>>(), ["0.rx", "1.tx", "2.rx", "3.tx", "4.tx", "5.rx"]);
+        assert_eq!(channels.find("3.tx"), Ok((3, Unit::Centimetre)));
+        assert!(!puppet.needs_fit());
         let error = self::puppet(&["a.rx", "elbow"]).channels().unwrap_err().to_string();
         assert!(
             error.starts_with("puppet.toml, line 12, key \"channel\": \"elbow\" is no channel"),

@@ -54,7 +54,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let clip = Clip::parse(&args.clip, &bytes)?;
     let map = play::map(&args.clip, &clip, &args.puppet, args.skeleton)?;
     let joints = map.joints().iter();
-    let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
+    let servos = joints.map(|joint| ServoConfig { position: joint.home, ..ServoConfig::new(joint.id) });
     let mut servos = DynamixelServos::new(&DynamixelConfig {
         servos: servos.collect(),
         ..DynamixelConfig::with_ids(&[])

@@ -120,7 +120,7 @@ fn on_host(
 ) -> Result<(Played, Counters)> {
     let on_line = map.buses().iter().position(|bus| bus.kind == BusKind::Dynamixel);
     let joints = map.joints().iter().filter(|joint| Some(usize::from(joint.bus)) == on_line);
-    let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
+    let servos = joints.map(|joint| ServoConfig { position: joint.home, ..ServoConfig::new(joint.id) });
     let mut servos = DynamixelServos::new(&DynamixelConfig {
         servos: servos.collect(),
         ..DynamixelConfig::with_ids(&[])

@@ -87,7 +87,7 @@ pub fn run_device(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn
     let name = name.map_err(|_| anyhow!("the name {:?} is longer than 32 bytes", config.name))?;
 
     let joints = map.joints().iter();
-    let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
+    let servos = joints.map(|joint| ServoConfig { position: joint.home, ..ServoConfig::new(joint.id) });
     let mut servos = DynamixelServos::new(&DynamixelConfig {
         servos: servos.collect(),
         ..DynamixelConfig::with_ids(&[])

@@ -70,7 +70,7 @@ impl<'m> Recorder<'m> {
         let joints = || map.joints().iter();
         let servos = joints()
             .filter(|joint| kind(joint) == Some(BusKind::Dynamixel))
-            .map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
+            .map(|joint| ServoConfig { position: joint.home, ..ServoConfig::new(joint.id) });
         let config = DynamixelConfig { servos: servos.collect(), ..DynamixelConfig::with_ids(&[]) };
         let on_pins = joints().filter_map(|joint| Some((kind(joint)?, joint.id)));
         Ok(Self {
@@ -169,7 +169,7 @@ impl<'m> Recorder<'m> {
     fn look(&mut self) {
         let Self { map, servos, recording, .. } = self;
         servos.advance_to(map.tick_micros(recording.ticks));
-        let present = map.joints().iter().map(|joint| servos.position(joint.id).unwrap_or(joint.zero));
+        let present = map.joints().iter().map(|joint| servos.position(joint.id).unwrap_or(joint.home));
         recording.present.push(present.collect());
     }
 

@@ -17,14 +17,15 @@ pub fn of_clip(clip: &Clip<'_>) -> Option<Channels> {
 
 /// Those of the clips that a puppet plays: of the skeleton in `given`, or of the one that the puppet names.
 ///
-/// Without a skeleton they are those that the joints follow, which is what `bunraku encode --puppet` puts into a clip.
+/// Without a skeleton, or where a joint follows something else than a channel, they are those of the puppet's own clips,
+/// which `bunraku encode --puppet` makes.
 ///
 /// # Errors
 /// A sentence where the skeleton cannot be read.
 pub fn of_clips(puppet: &Puppet, given: Option<PathBuf>) -> Result<Channels> {
     match given.or_else(|| puppet.skeleton()) {
-        Some(path) => Ok(Channels::from(&mocap::import::load_skeleton(&path)?)),
-        None => Ok(puppet.channels()?),
+        Some(path) if !puppet.needs_fit() => Ok(Channels::from(&mocap::import::load_skeleton(&path)?)),
+        _ => Ok(puppet.channels()?),
     }
 }
 
@@ -123,7 +124,7 @@ mod tests {
         let error = |channels: &Channels| format!("{:#}", check_clip(path, &clip, channels).unwrap_err());
         assert_eq!(
             error(&puppet.channels().unwrap()),
-            "clip.mclip: channel 0 is lradius.rx, expected root.ty as in the puppet"
+            "clip.mclip: channel 0 is lradius.rx, expected 0.tx as in the puppet"
         );
         assert_eq!(
             error(&Channels::from(&sample.skeleton)),
