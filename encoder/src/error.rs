@@ -50,7 +50,7 @@ pub enum EncodeError {
         value: f64,
     },
     /// A rate that the format cannot hold.
-    #[error("the rate is {found} frames per second, expected 0.01 to 655.35")]
+    #[error("the rate is {found} frames per second, expected 0.01 to 655.35 (--fps 60 thins frames out)")]
     Rate {
         /// The rate.
         found: f64,

@@ -2,7 +2,7 @@
 
 use crate::{Random, text};
 use mocap::import::bvh;
-use mocap::{export, sample};
+use mocap::{Clip, export, sample};
 
 /// Some frames of the embedded clip.
 pub fn seeds() -> Vec<Vec<u8>> {
@@ -23,8 +23,8 @@ pub fn seeds() -> Vec<Vec<u8>> {
 /// # Panics
 /// Where reader or encoder does, or what they say is no sentence, or what is written is not read.
 pub fn check(bytes: &[u8]) -> bool {
-    let (skeleton, motion) = match bvh::parse(bytes, "x.bvh", 1.0, None) {
-        Ok(clip) => clip,
+    let Clip { skeleton, motion } = match bvh::parse(bytes, "x.bvh", 1.0, None) {
+        Ok(read) => read.clip,
         Err(error) => {
             text::check_sentence(&error);
             return false;
@@ -33,9 +33,9 @@ pub fn check(bytes: &[u8]) -> bool {
     text::check_skeleton(&skeleton);
     let mut written = Vec::new();
     if export::bvh::write(&mut written, &skeleton, &motion).is_ok() {
-        let (_, again) = bvh::parse(&written, "x.bvh", 1.0, None)
+        let again = bvh::parse(&written, "x.bvh", 1.0, None)
             .unwrap_or_else(|error| panic!("written and read again: {error}"));
-        assert_eq!(again.frames(), motion.frames());
+        assert_eq!(again.clip.motion.frames(), motion.frames());
     }
     text::check_motion(&skeleton, &motion, &mut Random::of(bytes));
     true

@@ -133,11 +133,11 @@ fn a_stream_to_a_pico_plays_as_it_was_sent_or_its_line_is_too_slow() {
         (report, said)
     };
     // A frame a block, and more of them than the device has ticks (50 a second), if each takes one.
-    let short = ["--codec", "pcm", "--bits", "12", "--fps", "75", "--block", "64"];
+    let short = ["--codec", "pcm", "--bits", "12", "--rate", "75", "--block", "64"];
     let (report, said) = stream(&bench.encode("short.mclip", &short));
     assert_eq!((&report["counters"]["played"], &*said), (&480.into(), ""), "{report}");
     // 119 kbit/s, where a UART at 115,200 bit/s carries 92.
-    let fast = ["--codec", "pcm", "--bits", "16", "--fps", "240"];
+    let fast = ["--codec", "pcm", "--bits", "16", "--rate", "240"];
     let (report, said) = stream(&bench.encode("fast.mclip", &fast));
     assert!(report["counters"]["concealed"].as_u64().unwrap() > 0, "{report}");
     let (needs, carried) = (&report["clip_bits_per_second"], &report["line_bits_per_second"]);

@@ -143,7 +143,8 @@ fn kinematics_of_asf_match_a_bvh_of_the_same_trial() {
     let path = folder.join("bvh/cmu_02_02_cgspeed.bvh");
     let bytes = std::fs::read(&path).expect("a readable file");
     // It keeps the ASF file's unit of length, and a T-pose before the first frame.
-    let (skeleton, motion) = bvh::parse(&bytes, "cgspeed.bvh", 2.54 / 0.45, None).expect("a BVH file");
+    let read = bvh::parse(&bytes, "cgspeed.bvh", 2.54 / 0.45, None).expect("a BVH file");
+    let Clip { skeleton, motion } = read.clip;
     assert_eq!((motion.fps, motion.frames()), (120.0, ours.motion.frames() + 1));
     let (mut amc, mut bvh) = (Kinematics::new(&ours.skeleton), Kinematics::new(&skeleton));
     let mut amc_at = vec![[0.0; 3]; amc.joints()];

@@ -104,12 +104,12 @@ fn motions() {
     );
     refused(
         folder.path(),
-        &["encode", "walk.bvh", "--fdf", "900", "-o", "out.qmd"],
+        &["encode", "walk.bvh", "--unit", "cm", "--fdf", "900", "-o", "out.qmd"],
         &["walk.bvh", "FDF", "900", "expected 0 to"],
     );
     refused(
         folder.path(),
-        &["encode", "walk.bvh", "-o", "out/of/place.qmd"],
+        &["encode", "walk.bvh", "--unit", "cm", "-o", "out/of/place.qmd"],
         &["cannot write out/of/place.qmd"],
     );
 }

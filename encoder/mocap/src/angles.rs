@@ -15,6 +15,18 @@ pub fn wrap(degrees: f64) -> f64 {
     if turned > 180.0 { turned - 360.0 } else { turned }
 }
 
+/// The same rotation as `angles` about three different axes, in degrees, written such that it is nearest to `to`: with
+/// whole turns, and either as it is or as (a + 180, 180 - b, c + 180).
+pub fn nearest_triple(angles: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+    let [a, b, c] = angles;
+    // Angles that are near already do not change by a bit.
+    let turned = |angle: f64, to: f64| angle - 360.0 * ((angle - to) / 360.0).round();
+    let near = |angles: [f64; 3]| [0, 1, 2].map(|k| turned(angles[k], to[k]));
+    let distance = |angles: &[f64; 3]| -> f64 { (0..3).map(|k| (angles[k] - to[k]).powi(2)).sum() };
+    let (same, other) = (near(angles), near([a + 180.0, 180.0 - b, c + 180.0]));
+    if distance(&other) < distance(&same) { other } else { same }
+}
+
 /// Rotation by `degrees` about axis 0 (x), 1 (y) or 2 (z), right-handed.
 ///
 /// # Panics

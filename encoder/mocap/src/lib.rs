@@ -41,11 +41,13 @@ pub mod import;
 pub mod kinematics;
 pub mod metrics;
 pub mod motion;
+mod resample;
 pub mod sample;
 pub mod skeleton;
 
 pub use clip::Clip;
 pub use motion::Motion;
+pub use resample::resample;
 pub use skeleton::Skeleton;
 
 /// The example of the README, which is run like the others.

@@ -65,6 +65,23 @@ impl Motion {
         }
     }
 
+    /// Makes rotations continuous, as [`unwrap_angles`](Self::unwrap_angles), and through Euler flips too: where the three
+    /// angles of a joint are nearer to the previous frame's in the other way to write the same rotation, that is taken.
+    /// No pose changes, and the first frame stays as it is.
+    ///
+    /// # Panics
+    /// If the skeleton has another number of channels than the motion.
+    pub fn unflip(&mut self, skeleton: &Skeleton) {
+        self.unwrap_angles(skeleton);
+        for triple in skeleton.joints.iter().filter_map(|joint| joint.euler_triple(skeleton)) {
+            let mut previous = triple.map(|channel| self.samples.get(channel).copied().unwrap_or(0.0));
+            for row in self.samples.chunks_exact_mut(self.channels) {
+                previous = angles::nearest_triple(triple.map(|channel| row[channel]), previous);
+                triple.iter().zip(previous).for_each(|(&channel, angle)| row[channel] = angle);
+            }
+        }
+    }
+
     /// Brings every rotation into (-180, 180] degrees, as AMC files have them.
     ///
     /// # Panics

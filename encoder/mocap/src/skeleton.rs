@@ -97,6 +97,15 @@ pub struct Joint {
     pub level: u8,
 }
 
+impl Joint {
+    /// Its rotations in the order in which they multiply, if there are three and each is about another axis.
+    pub fn euler_triple(&self, skeleton: &Skeleton) -> Option<[usize; 3]> {
+        let triple = <[usize; 3]>::try_from(self.rotations.as_slice()).ok()?;
+        let axes = triple.map(|channel| skeleton.channels[channel].dof.axis());
+        (axes[0] != axes[1] && axes[1] != axes[2] && axes[0] != axes[2]).then_some(triple)
+    }
+}
+
 /// A tree of joints in an order where parents come first, and the columns that move it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skeleton {

@@ -100,8 +100,9 @@ impl Encoder<'_> {
 
     /// Bits per second of a clip of this motion.
     pub fn rate(&self, bytes: &[u8]) -> f64 {
-        let seconds =
-            self.motion().source.frames as f64 * 100.0 / f64::from(self.motion().source.rate_centihertz);
+        let source = &self.motion().source;
+        let (numerator, denominator) = source.rate;
+        let seconds = source.frames as f64 * f64::from(denominator) / f64::from(numerator);
         bytes.len() as f64 * 8.0 / seconds
     }
 }

@@ -19,6 +19,9 @@ pub struct Args {
     /// The skeleton that the clip was encoded with: .asf, or .bvh for its hierarchy.
     #[arg(long, value_name = "S.asf|S.bvh")]
     skeleton: PathBuf,
+    /// Unit of the lengths in a BVH skeleton, as for `bunraku encode`; guessed unless given.
+    #[arg(long, value_name = "UNIT")]
+    unit: Option<import::Unit>,
     /// Frames per second, where the clip does not say.
     #[arg(long, value_name = "F")]
     fps: Option<f64>,
@@ -32,7 +35,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if !["amc", "bvh", "csv"].contains(&extension.as_str()) {
         bail!("{}: found the extension {extension:?}, expected amc, bvh or csv", args.output.display());
     }
-    let skeleton = import::load_skeleton(&args.skeleton)?;
+    let skeleton = import::read_skeleton(&args.skeleton, args.unit)?;
     let bytes = files::read(&args.clip)?;
     let mut motion = super::input::decode(&args.clip, &bytes)?;
     let found = motion.channels;

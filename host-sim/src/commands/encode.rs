@@ -116,7 +116,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         println!(
             "{}: {frames} frames of {channels} channels at {} fps in {} bytes, {ratio:.2} times smaller than float32, {rate:.0} bits/s",
             args.output.display(),
-            clip.motion.fps,
+            input::short(clip.motion.fps),
             bytes.len(),
         );
     }

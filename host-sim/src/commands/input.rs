@@ -5,6 +5,7 @@ use anyhow::{Context, Result, bail};
 use encoder::qmd::Method;
 use host_sim::files;
 use mocap::Clip;
+use mocap::import::{self, Imported, Options, Unit};
 use puppet_file::Puppet;
 use std::path::{Path, PathBuf};
 
@@ -14,9 +15,17 @@ pub struct Source {
     /// The skeleton (.asf) that an AMC needs.
     #[arg(long, value_name = "S.asf")]
     pub skeleton: Option<PathBuf>,
-    /// Frames per second: of an AMC, which has no rate of its own (120 unless given), or instead of a BVH's.
-    #[arg(long, value_name = "F")]
+    /// Frames per second that are wanted: the motion is resampled. An AMC mostly has no rate of its own: there, without --rate, this is
+    /// its rate.
+    #[arg(long, value_name = "F", value_parser = rate)]
     pub fps: Option<f64>,
+    /// Frames per second that the file's frames are, whatever it says; of an AMC without a rate 120 unless given.
+    #[arg(long, value_name = "F", value_parser = rate)]
+    pub rate: Option<f64>,
+    /// Unit of the lengths in a BVH: m, cm, mm, inch, ft, cmu (of the CMU database, 5.64 cm), or a length such as 2.5cm. Guessed from
+    /// the size of the figure unless given.
+    #[arg(long, value_name = "UNIT")]
+    pub unit: Option<Unit>,
     /// Only these frames, from 0 on and the last one left out: `1..` leaves out the first, which is often a T-pose.
     #[arg(long, value_name = "FIRST..END")]
     frames: Option<FrameRange>,
@@ -32,7 +41,23 @@ impl Source {
         if is_clip(path) {
             bail!("{} is a compressed clip, expected a motion (.amc or .bvh)", path.display());
         }
-        let mut clip = mocap::import::load(path, self.skeleton.as_deref(), self.fps)?;
+        let options = Options { skeleton: self.skeleton.as_deref(), unit: self.unit.clone(), fps: self.rate };
+        let Imported { mut clip, has_rate, mut notes } = import::read(path, &options)?;
+        let own = clip.motion.fps;
+        match self.fps {
+            Some(fps) if !has_rate => clip.motion.fps = fps,
+            Some(fps) if fps != own => {
+                clip.motion = mocap::resample(&clip.skeleton, &clip.motion, fps);
+                notes.push(format!("resampled from {} to {} frames a second", short(own), short(fps)));
+            }
+            None if !has_rate => {
+                notes.push(format!(
+                    "no frame rate in the file: taken as {own} frames a second (else give --rate)"
+                ));
+            }
+            _ => {}
+        }
+        tell(path, &notes);
         if let Some(frames) = self.frames {
             clip.motion = frames.of(path, &clip.motion)?;
         }
@@ -60,6 +85,24 @@ impl Source {
             motion.fps = self.fps.unwrap_or(reference.motion.fps);
         }
         Ok((Clip { skeleton: reference.skeleton.clone(), motion }, bytes.len() as u64))
+    }
+}
+
+/// A rate as an argument.
+fn rate(text: &str) -> Result<f64, String> {
+    let rate = text.parse().ok().filter(|rate| (1e-3..=1e6).contains(rate));
+    rate.ok_or_else(|| format!("found {text:?}, expected frames per second, more than 0"))
+}
+
+/// A rate with up to three decimals.
+pub fn short(rate: f64) -> String {
+    format!("{rate:.3}").trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// What the reader of a file had to guess, mend or leave out.
+pub fn tell(path: &Path, notes: &[String]) {
+    for note in notes {
+        eprintln!("bunraku: {}: {note}", path.display());
     }
 }
 

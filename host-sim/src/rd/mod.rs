@@ -11,7 +11,7 @@ pub mod sweep;
 pub mod trace;
 
 use anyhow::{Result, bail};
-use mocap::{Clip, Motion};
+use mocap::Clip;
 
 /// A motion and what it is called.
 #[derive(Clone, Debug)]
@@ -22,31 +22,17 @@ pub struct Named {
     pub clip: Clip,
 }
 
-/// Samples a motion at another rate, from its first frame on: between two frames linearly, with continuous angles. At a
-/// whole fraction of the recorded rate that takes every so manieth frame as it is. No filter goes before, as none does
-/// where motion is recorded at that rate.
+/// Samples a motion at another rate, as [`mocap::resample`] does.
 ///
 /// # Errors
 /// A sentence where the motion was recorded at less.
 pub fn resample(named: Named, fps: f64) -> Result<Named> {
-    let Named { name, clip: Clip { skeleton, mut motion } } = named;
+    let Named { name, clip: Clip { skeleton, motion } } = named;
     // A rate from a file may be 29.9998: that is 30.
     if fps > motion.fps * 1.001 {
         bail!("{name} was recorded at {} frames per second, expected at least {fps}", motion.fps);
     }
-    motion.unwrap_angles(&skeleton);
-    let last = motion.frames().saturating_sub(1);
-    let ratio = motion.fps / fps;
-    let frames = (last as f64 / ratio + 1e-6).floor() as usize + 1;
-    let mut samples = Vec::with_capacity(frames * motion.channels);
-    for frame in 0..frames {
-        let at = frame as f64 * ratio;
-        let before = (at + 1e-6).floor();
-        let part = (at - before).max(0.0);
-        let (from, to) = (motion.frame(before as usize), motion.frame((before as usize + 1).min(last)));
-        samples.extend(from.iter().zip(to).map(|(from, to)| from + part * (to - from)));
-    }
-    Ok(Named { name, clip: Clip { motion: Motion { fps, channels: motion.channels, samples }, skeleton } })
+    Ok(Named { name, clip: Clip { motion: mocap::resample(&skeleton, &motion, fps), skeleton } })
 }
 
 #[cfg(test)]

@@ -248,7 +248,8 @@ mod tests {
     fn as_bvh(clip: &Clip) -> Clip {
         let mut bytes = Vec::new();
         export::bvh::write(&mut bytes, &clip.skeleton, &clip.motion).expect("a BVH file");
-        let (skeleton, motion) = import::bvh::parse(&bytes, "twin.bvh", 1.0, None).expect("our own BVH file");
+        let twin = import::bvh::parse(&bytes, "twin.bvh", 1.0, None).expect("our own BVH file").clip;
+        let (skeleton, motion) = (twin.skeleton, twin.motion);
         Clip { skeleton, motion }
     }
 

@@ -65,6 +65,7 @@ pub fn write(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clip::Clip;
     use crate::import::{amc, bvh};
     use crate::sample;
 
@@ -100,7 +101,7 @@ mod tests {
     #[test]
     fn bvh_skeletons_are_refused() {
         let text = b"HIERARCHY ROOT a\n{ OFFSET 0 0 0\nCHANNELS 1 Xrotation\n}\nMOTION\nFrames: 1\nFrame Time: 1\n5\n";
-        let (skeleton, motion) = bvh::parse(text, "x.bvh", 1.0, None).expect("a clip");
+        let Clip { skeleton, motion } = bvh::parse(text, "x.bvh", 1.0, None).expect("a clip").clip;
         let error =
             written(&skeleton, &motion, Rotations::AsTheyAre).expect_err("a BVH skeleton").to_string();
         assert_eq!(

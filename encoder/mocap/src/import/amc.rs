@@ -22,6 +22,16 @@ pub const DEFAULT_FPS: f64 = 120.0;
 /// # Errors
 /// Names the line, what was found there and what was expected.
 pub fn parse(bytes: &[u8], file: &str, skeleton: &Skeleton, fps: Option<f64>) -> Result<Motion, ImportError> {
+    read(bytes, file, skeleton, fps).map(|(motion, _)| motion)
+}
+
+/// As [`parse`]; also whether the file names a rate.
+pub(super) fn read(
+    bytes: &[u8],
+    file: &str,
+    skeleton: &Skeleton,
+    fps: Option<f64>,
+) -> Result<(Motion, bool), ImportError> {
     text::check(bytes, file, "an AMC file")?;
     let Origin::Asf { cm_per_unit, radians } = skeleton.origin else {
         return Err(ImportError::File {
@@ -47,11 +57,12 @@ pub fn parse(bytes: &[u8], file: &str, skeleton: &Skeleton, fps: Option<f64>) ->
     if frames.samples.is_empty() {
         return Err(lexer.error("a frame".to_string()));
     }
-    Ok(Motion {
+    let motion = Motion {
         fps: fps.or(header.fps).unwrap_or(DEFAULT_FPS),
         channels: skeleton.channels.len(),
         samples: frames.samples,
-    })
+    };
+    Ok((motion, header.fps.is_some()))
 }
 
 struct Header {

@@ -10,39 +10,61 @@ pub mod amc;
 pub mod asf;
 pub mod bvh;
 mod error;
+mod imported;
 #[cfg(test)]
 mod malformed;
+mod names;
+mod rate;
 mod text;
+pub mod unit;
 
 pub use error::ImportError;
+pub use imported::Imported;
+pub use unit::Unit;
+
+/// What the caller knows about a file.
+#[derive(Clone, Debug, Default)]
+pub struct Options<'a> {
+    /// The ASF file that an AMC file needs; for others it is not read.
+    pub skeleton: Option<&'a Path>,
+    /// The unit of length of a file that does not say; without it, it is guessed ([`unit::guess`]).
+    pub unit: Option<Unit>,
+    /// Frames per second, instead of what the file says. No frame is made or left out.
+    pub fps: Option<f64>,
+}
+
+/// Reads a clip from an AMC or BVH file, without a word about what had to be guessed: [`read`] has it.
+///
+/// # Errors
+/// Those of [`read`].
+pub fn load(path: &Path, skeleton: Option<&Path>, fps: Option<f64>) -> Result<Clip, ImportError> {
+    Ok(read(path, &Options { skeleton, fps, unit: None })?.clip)
+}
 
 /// Reads a clip from an AMC or BVH file; lengths become centimetres and angles degrees.
 ///
-/// The kind is chosen by the extension, else by the first line. `skeleton` is the ASF file that an AMC file
-/// needs (for BVH it is not read). `fps` overrides the file's frame rate; without it an AMC file that names
-/// none has [`amc::DEFAULT_FPS`].
+/// The kind is chosen by the extension, else by the first line. An AMC file that names no rate has
+/// [`amc::DEFAULT_FPS`] unless the options say.
 ///
 /// # Errors
 /// A file that cannot be read or is malformed, an AMC file without skeleton, a rate that is not above 0.
-pub fn load(path: &Path, skeleton: Option<&Path>, fps: Option<f64>) -> Result<Clip, ImportError> {
+pub fn read(path: &Path, options: &Options) -> Result<Imported, ImportError> {
     let file = path.display().to_string();
-    if let Some(fps) = fps
+    if let Some(fps) = options.fps
         && !(fps.is_finite() && fps > 0.0)
     {
         return Err(ImportError::Rate { file, fps });
     }
-    let bytes = read(path)?;
+    let bytes = read_bytes(path)?;
     match kind(path, &bytes) {
-        Some(Kind::Bvh) => {
-            let (skeleton, motion) = bvh::parse(&bytes, &file, 1.0, fps)?;
-            Ok(Clip { skeleton, motion })
-        }
+        Some(Kind::Bvh) => read_bvh(&bytes, &file, options),
         Some(Kind::Amc) => {
             text::check(&bytes, &file, "an AMC file")?;
-            let Some(skeleton) = skeleton else { return Err(ImportError::NoSkeleton { file }) };
+            let Some(skeleton) = options.skeleton else { return Err(ImportError::NoSkeleton { file }) };
             let skeleton = load_skeleton(skeleton)?;
-            let motion = amc::parse(&bytes, &file, &skeleton, fps)?;
-            Ok(Clip { skeleton, motion })
+            let (motion, own_rate) = amc::read(&bytes, &file, &skeleton, options.fps)?;
+            let has_rate = own_rate || options.fps.is_some();
+            Ok(Imported { clip: Clip { skeleton, motion }, has_rate, notes: Vec::new() })
         }
         None => {
             let expected = "an AMC or BVH file";
@@ -53,21 +75,44 @@ pub fn load(path: &Path, skeleton: Option<&Path>, fps: Option<f64>) -> Result<Cl
     }
 }
 
-/// Reads a skeleton from an ASF file, or from a BVH file's hierarchy (by its extension).
+fn read_bvh(bytes: &[u8], file: &str, options: &Options) -> Result<Imported, ImportError> {
+    let (mut imported, root) = bvh::read(bytes, file, options.fps)?;
+    let cm = match &options.unit {
+        Some(unit) => unit.cm,
+        None => {
+            let guess = unit::guess(&imported.clip, root);
+            imported.notes.push(guess.tell());
+            guess.unit.cm
+        }
+    };
+    unit::scale(&mut imported.clip, cm);
+    Ok(imported)
+}
+
+/// Reads a skeleton from an ASF file, or from a BVH file's hierarchy (by its extension), whose unit is guessed.
 ///
 /// # Errors
 /// A file that cannot be read or is malformed.
 pub fn load_skeleton(path: &Path) -> Result<Skeleton, ImportError> {
+    read_skeleton(path, None)
+}
+
+/// As [`load_skeleton`], with the unit of a BVH file where the caller knows it.
+///
+/// # Errors
+/// Those of [`load_skeleton`].
+pub fn read_skeleton(path: &Path, unit: Option<Unit>) -> Result<Skeleton, ImportError> {
     let file = path.display().to_string();
-    let bytes = read(path)?;
+    let bytes = read_bytes(path)?;
     if has_extension(path, "bvh") {
-        bvh::parse(&bytes, &file, 1.0, None).map(|(skeleton, _)| skeleton)
+        let options = Options { unit, ..Options::default() };
+        Ok(read_bvh(&bytes, &file, &options)?.clip.skeleton)
     } else {
         asf::parse(&bytes, &file)
     }
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, ImportError> {
+fn read_bytes(path: &Path) -> Result<Vec<u8>, ImportError> {
     fs::read(path).map_err(|error| ImportError::Read { file: path.display().to_string(), error })
 }
 

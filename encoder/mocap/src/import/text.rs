@@ -113,12 +113,23 @@ impl<'a> Lexer<'a> {
     }
 
     /// Goes over the rest of the line up to a brace; without the blanks around it.
-    pub(super) fn take_name(&mut self) -> String {
+    ///
+    /// In a line that is not UTF-8, a brace behind a byte from 0x80 on belongs to the name: in Shift-JIS and GBK it is the
+    /// second half of a letter.
+    pub(super) fn take_name(&mut self) -> &'a [u8] {
         let rest = &self.bytes[self.at..];
-        let ends = |byte: &u8| matches!(byte, b'\n' | b'{' | b'}');
-        let name = &rest[..rest.iter().position(ends).unwrap_or(rest.len())];
+        let line = &rest[..rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len())];
+        let utf8 = str::from_utf8(line).is_ok();
+        let is_brace =
+            |at: usize| matches!(line[at], b'{' | b'}') && (utf8 || at == 0 || line[at - 1] < 0x80);
+        let name = &line[..(0..line.len()).find(|&at| is_brace(at)).unwrap_or(line.len())];
         self.at += name.len();
-        String::from_utf8_lossy(name).trim().to_string()
+        name.trim_ascii()
+    }
+
+    /// Number of the line of the cursor, from 1.
+    pub(super) const fn line(&self) -> usize {
+        self.line
     }
 
     /// The finite number at the cursor, within this line.
@@ -150,6 +161,19 @@ impl<'a> Lexer<'a> {
     /// An error in the line of the cursor.
     pub(super) fn error_found(&self, found: String, expected: String) -> ImportError {
         ImportError::Line { file: self.file.to_string(), line: self.line, found, expected }
+    }
+}
+
+/// A name as text. Where it is not UTF-8, every byte from 0x80 on becomes `%` and two hexadecimal digits: which encoding
+/// it is in, nothing says, and names that differ must stay different.
+pub(super) fn name(bytes: &[u8]) -> String {
+    match str::from_utf8(bytes) {
+        Ok(text) => text.trim().to_string(),
+        Err(_) => {
+            let one =
+                |&byte: &u8| if byte < 0x80 { char::from(byte).to_string() } else { format!("%{byte:02X}") };
+            bytes.iter().map(one).collect()
+        }
     }
 }
 

@@ -111,13 +111,11 @@ impl<'p> Outline<'p> {
             kind,
             ..codec.record(column, choice)
         });
-        let hundredths = u32::from(motion.source.rate_centihertz);
-        let whole = hundredths.is_multiple_of(100);
         let (frames, count) = (motion.source.frames, motion.source.channels);
         Self {
             fields: HeaderFields {
-                rate_numerator: if whole { hundredths / 100 } else { hundredths },
-                rate_denominator: if whole { 1 } else { 100 },
+                rate_numerator: motion.source.rate.0,
+                rate_denominator: motion.source.rate.1,
                 ..fields(codec, &allocation.parameters, frames, count)
             },
             channels: channels.collect(),
