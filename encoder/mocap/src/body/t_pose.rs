@@ -70,7 +70,11 @@ impl TPose {
                 turn = angles::multiply(&twist_of_chest(&tree, body, &axes, &turn), &turn);
             }
             turns.push(turn);
-            directions.push(unit(rest).map_or(above, |rest| angles::apply(&turn, rest)));
+            directions.push(match part {
+                // A head that nods or turns is seen by its face, not by its crown.
+                Some(Part::Head) => FORWARD,
+                _ => unit(rest).map_or(above, |rest| angles::apply(&turn, rest)),
+            });
         }
         let back = angles::transpose(&axes);
         let before = turns.iter().map(|turn| angles::multiply(&back, &angles::transpose(turn))).collect();
@@ -91,7 +95,8 @@ impl TPose {
         }
     }
 
-    /// The direction of a joint's bone in the T-pose, in figure axes: a unit vector.
+    /// The direction of a joint's bone in the T-pose, in figure axes: a unit vector. That of the head is where the face
+    /// looks.
     ///
     /// Where the bone points in a pose is `out[joint]` of [`rotations`](Self::rotations) times it.
     ///
