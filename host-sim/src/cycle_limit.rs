@@ -123,7 +123,7 @@ pub fn best_clip(
         }
     }
     let cost = |encoded: &Encoded| match goal {
-        Goal::Target(Target::Rate(_)) => encoded.mean_joint_cm,
+        Goal::Target(Target::Rate(_)) => encoded.errors.mean_joint_cm,
         _ => encoded.bytes.len() as f64,
     };
     clips.sort_by(|(_, one), (_, other)| cost(one).total_cmp(&cost(other)));
@@ -153,11 +153,12 @@ pub fn best_clip(
     )
 }
 
-/// Whether a clip comes to what it should: an error to 3 %, or a rate.
+/// Whether a clip comes to what it should: its bounds, an error to 3 %, or a rate.
 fn reaches(encoder: &Encoder<'_>, encoded: &Encoded, goal: Goal) -> bool {
     match goal {
         Goal::Bits(_) => true,
-        Goal::Target(Target::Error(cm)) => encoded.mean_joint_cm <= cm * 1.03,
+        Goal::Target(Target::Error(cm)) => encoded.errors.mean_joint_cm <= cm * 1.03,
+        Goal::Target(Target::Within(bounds)) => bounds.excess(&encoded.errors) <= 1.0,
         Goal::Target(Target::Rate(rate)) => encoder.rate(&encoded.bytes) <= rate,
     }
 }

@@ -91,6 +91,12 @@ impl Kinematics {
         self.walk(pose, out, |_, _, _| {});
     }
 
+    /// The points `off` cm from the position of joint `index` along its own x, y and z axes, in the pose that
+    /// [`positions`](Self::positions) was given last; `position` is what that call said of the joint.
+    pub(crate) fn points_off(&self, index: usize, position: [f64; 3], off: f64) -> [[f64; 3]; 3] {
+        self.frames[index].axes.map(|axis| std::array::from_fn(|k| position[k] + off * axis[k]))
+    }
+
     /// Writes the rotation of every joint's bone from its rest pose to `out`, in the world's axes.
     ///
     /// At rest all are the identity; a joint without rotations has its parent's.

@@ -1,4 +1,8 @@
 //! How far a decoded motion is from its original.
+//!
+//! Two averages say it in centimetres. One is over all joints and frames. The other is over those that move, so that a
+//! long rest does not hide a short movement: see [`MOVES_CM`]. The largest error is that of points off the bones, which
+//! show a bone that turns about itself as well: see [`POINTS_CM`].
 
 use serde::Serialize;
 
@@ -29,6 +33,36 @@ pub enum CompareError {
     Empty,
 }
 
+/// A joint moves in a frame where it is further than this from where it is [`MOVES_SECONDS`] before or after.
+pub const MOVES_CM: f64 = 0.1;
+
+/// See [`MOVES_CM`].
+pub const MOVES_SECONDS: f64 = 0.1;
+
+/// How far off a joint's position, along each of its own axes, the points are whose greatest distance is the largest error.
+///
+/// Source: the error metric of the Animation Compression Library (ACL), whose default shell distance is 3 cm. A joint of a
+/// BVH is where ACL's bone begins. A joint of an ASF is the bone's end, where the same turn moves the points further.
+pub const POINTS_CM: f64 = 3.0;
+
+/// Errors of a decoded motion in cm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Errors {
+    /// Distance of a joint, averaged over all joints and frames.
+    pub mean_joint_cm: f64,
+    /// The same, averaged over the joints and frames that move ([`MOVES_CM`]) alone; over all where nothing moves.
+    pub moving_joint_cm: f64,
+    /// The greatest distance of any point [`POINTS_CM`] off a joint.
+    pub max_point_cm: f64,
+}
+
+impl Errors {
+    /// The larger of the two averages.
+    pub const fn mean_cm(&self) -> f64 {
+        self.mean_joint_cm.max(self.moving_joint_cm)
+    }
+}
+
 /// What `bunraku compare` reports.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
@@ -47,8 +81,12 @@ pub struct Report {
     pub def_sum_cm: f64,
     /// The same, averaged over the joints too: `def_sum_cm` / joints. All joints count, with the root.
     pub mean_joint_cm: f64,
+    /// The distance averaged over the joints and frames that move: [`Errors::moving_joint_cm`].
+    pub moving_joint_cm: f64,
     /// The largest distance of any joint in any frame.
     pub max_joint_cm: f64,
+    /// The greatest distance of points off the bones: [`Errors::max_point_cm`].
+    pub max_point_cm: f64,
     /// Root of the mean squared difference of all rotation channels in degrees, by the shorter way round.
     pub rms_deg: f64,
     /// Peak signal-to-noise ratio of the rotation channels in dB: 10 · log10(Σ range² / Σ MSE) over channels,
@@ -101,6 +139,7 @@ pub fn compare(
         joints[joint].max_cm = joints[joint].max_cm.max(cm);
     });
     let def_sum_cm = joints.iter().map(|joint| joint.mean_cm).sum();
+    let Errors { moving_joint_cm, max_point_cm, .. } = evaluator.errors(&decoded.samples);
     let samples = frames as f64 * reference.channels as f64;
     let (rms_deg, psnr_db) = rotation_error(skeleton, reference, decoded);
     joints.sort_by(|a, b| b.mean_cm.total_cmp(&a.mean_cm));
@@ -112,6 +151,8 @@ pub fn compare(
         ratio_f32: samples * 4.0 / bytes as f64,
         def_sum_cm,
         mean_joint_cm: def_sum_cm / joints.len() as f64,
+        moving_joint_cm,
+        max_point_cm,
         max_joint_cm: frame_max_cm.iter().copied().fold(0.0, f64::max),
         rms_deg,
         psnr_db,
@@ -158,8 +199,12 @@ fn rotation_error(skeleton: &Skeleton, reference: &Motion, decoded: &Motion) -> 
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     kinematics: Kinematics,
+    /// Row-major: frames × channels.
+    samples: Vec<f64>,
     /// Row-major: frames × joints.
     reference: Vec<[f64; 3]>,
+    /// Whether each joint moves in each frame, as `reference` has them.
+    moves: Vec<bool>,
 }
 
 impl Evaluator {
@@ -173,8 +218,9 @@ impl Evaluator {
             return Err(CompareError::Empty);
         }
         let mut kinematics = Kinematics::new(skeleton);
-        let reference = kinematics.all_positions(reference);
-        Ok(Self { kinematics, reference })
+        let positions = kinematics.all_positions(reference);
+        let moves = moves(&positions, kinematics.joints(), reference.fps);
+        Ok(Self { kinematics, samples: reference.samples.clone(), reference: positions, moves })
     }
 
     /// Number of joints, the root included.
@@ -194,6 +240,44 @@ impl Evaluator {
         sum / self.reference.len() as f64
     }
 
+    /// All errors of a decoded motion. Costs forward kinematics of the decoded frames twice and of the reference once.
+    ///
+    /// # Panics
+    /// If `decoded` has not as many values (frames × channels, row-major) as the reference.
+    pub fn errors(&self, decoded: &[f64]) -> Errors {
+        let joints = self.kinematics.joints();
+        let (mut all, mut moving) = (0.0, 0.0);
+        self.distances(decoded, |frame, joint, cm| {
+            all += cm;
+            moving += if self.moves[frame * joints + joint] { cm } else { 0.0 };
+        });
+        let mean_joint_cm = all / self.reference.len() as f64;
+        let count = self.moves.iter().filter(|&&moves| moves).count();
+        let moving_joint_cm = if count > 0 { moving / count as f64 } else { mean_joint_cm };
+        Errors { mean_joint_cm, moving_joint_cm, max_point_cm: self.max_point_cm(decoded) }
+    }
+
+    /// [`Errors::max_point_cm`].
+    fn max_point_cm(&self, decoded: &[f64]) -> f64 {
+        let (joints, channels) = (self.kinematics.joints(), self.kinematics.channels());
+        let (mut one, mut other) = (self.kinematics.clone(), self.kinematics.clone());
+        let mut positions = vec![[0.0; 3]; joints];
+        let mut greatest = 0.0_f64;
+        let poses = self.samples.chunks_exact(channels).zip(decoded.chunks_exact(channels));
+        for ((recorded, pose), reference) in poses.zip(self.reference.chunks_exact(joints)) {
+            // The reference's positions are known; its axes are not kept, which would take three times their room.
+            one.positions(recorded, &mut positions);
+            other.positions(pose, &mut positions);
+            for (joint, (&from, &to)) in reference.iter().zip(&positions).enumerate() {
+                let points = one.points_off(joint, from, POINTS_CM).into_iter();
+                for (a, b) in points.zip(other.points_off(joint, to, POINTS_CM)) {
+                    greatest = greatest.max(distance(&a, &b));
+                }
+            }
+        }
+        greatest
+    }
+
     /// Tells `visit` the frame, the joint and the distance between its two positions in cm, for all of them.
     ///
     /// # Panics
@@ -207,11 +291,25 @@ impl Evaluator {
         for (frame, (pose, reference)) in poses.enumerate() {
             kinematics.positions(pose, &mut positions);
             for (joint, (a, b)) in reference.iter().zip(&positions).enumerate() {
-                let squares = (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2);
-                visit(frame, joint, squares.sqrt());
+                visit(frame, joint, distance(a, b));
             }
         }
     }
+}
+
+fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Whether each joint moves in each frame ([`MOVES_CM`]), row-major as `positions` has them.
+fn moves(positions: &[[f64; 3]], joints: usize, fps: f64) -> Vec<bool> {
+    let apart = joints * ((MOVES_SECONDS * fps).round() as usize).max(1);
+    let far = |one: usize, other: usize| distance(&positions[one], &positions[other]) > MOVES_CM;
+    let moves = |at: usize| {
+        at.checked_sub(apart).is_some_and(|before| far(before, at))
+            || (at + apart < positions.len() && far(at, at + apart))
+    };
+    (0..positions.len()).map(moves).collect()
 }
 
 #[cfg(test)]
@@ -283,6 +381,41 @@ mod tests {
             .sum();
         let report = report("head.ry", |frame| if frame % 2 == 0 { 0.5 } else { -0.5 });
         assert_near(report.psnr_db.expect("an error"), 10.0 * (squares / 0.25).log10());
+    }
+
+    #[test]
+    fn a_rest_does_not_hide_what_moves() {
+        // The puppet stands for 480 frames but for an elbow that bends for half a second; the decoded one never does.
+        let (clip, _) = changed("root.tx", |_| 0.0);
+        let elbow = clip.skeleton.channel("lradius.rx").expect("a channel of the puppet");
+        let still = Motion { samples: clip.motion.frame(0).repeat(480), ..clip.motion };
+        let mut moved = still.clone();
+        for (frame, pose) in moved.samples.chunks_exact_mut(moved.channels).enumerate() {
+            pose[elbow] += if (200..230).contains(&frame) { 4.0 * (frame - 200) as f64 } else { 0.0 };
+        }
+        let report = compare(&clip.skeleton, &moved, &still, 1).expect("motions of one shape");
+        // The forearm's two joints, in the 29 frames that differ and 6 before and after them, of 19 joints in 480 frames.
+        let hidden = (480.0 * 19.0) / (2.0 * (29.0 + 12.0));
+        assert_near(report.moving_joint_cm / report.mean_joint_cm, hidden);
+        // What is still everywhere has one average.
+        let shifted =
+            Motion { samples: still.samples.iter().map(|value| value + 1.0).collect(), ..still.clone() };
+        let report = compare(&clip.skeleton, &still, &shifted, 1).expect("motions of one shape");
+        assert_near(report.moving_joint_cm, report.mean_joint_cm);
+    }
+
+    #[test]
+    fn points_off_a_bone_show_that_it_turns_about_itself() {
+        // A head's end is nearly on the axis about which it turns; a point 3 cm beside it is not.
+        let (clip, _) = changed("root.tx", |_| 0.0);
+        let evaluator = Evaluator::new(&clip.skeleton, &clip.motion).expect("a motion of the skeleton");
+        let (_, turned) = changed("head.ry", |frame| if frame == 100 { 20.0 } else { 0.0 });
+        let errors = evaluator.errors(&turned.samples);
+        assert!(errors.mean_joint_cm < 1e-4, "{errors:?}");
+        let chord = 2.0 * 3.0 * 10_f64.to_radians().sin();
+        assert!((errors.max_point_cm / chord - 1.0).abs() < 0.01, "{errors:?}");
+        let (_, shifted) = changed("root.tx", |frame| if frame == 17 { 2.0 } else { 1.0 });
+        assert_near(evaluator.errors(&shifted.samples).max_point_cm, 2.0);
     }
 
     #[test]

@@ -115,7 +115,7 @@ impl Encode for Adpcm {
         self.step == StepRule::Fixed
     }
 
-    fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError> {
+    fn encode(&self, task: &Task<'_>, quality: Quality<'_>) -> Result<Vec<u8>, EncodeError> {
         encode(self, task, quality)
     }
 

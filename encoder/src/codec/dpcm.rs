@@ -60,7 +60,7 @@ impl Encode for Dpcm {
         CodecId::Dpcm
     }
 
-    fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError> {
+    fn encode(&self, task: &Task<'_>, quality: Quality<'_>) -> Result<Vec<u8>, EncodeError> {
         encode(self, task, quality)
     }
 

@@ -30,7 +30,7 @@ pub trait Encode: Debug + Sync {
     /// # Errors
     /// [`EncodeError::NoFreeSteps`] where steps are asked for unless [`has_free_steps`](Self::has_free_steps), and
     /// [`EncodeError::Refused`] where a setting is outside what the format has.
-    fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError>;
+    fn encode(&self, task: &Task<'_>, quality: Quality<'_>) -> Result<Vec<u8>, EncodeError>;
 
     /// What tells these settings from others of the codec, for a sentence: `second order`. May be empty.
     fn describe(&self) -> String {

@@ -51,7 +51,7 @@ impl Encode for Qmd {
         false
     }
 
-    fn encode(&self, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError> {
+    fn encode(&self, task: &Task<'_>, quality: Quality<'_>) -> Result<Vec<u8>, EncodeError> {
         encode(self, task, quality)
     }
 

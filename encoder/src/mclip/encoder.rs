@@ -74,7 +74,7 @@ impl<'m> Encoder<'m> {
     /// # Errors
     /// [`EncodeError::NoFreeSteps`] where the codec has no steps to choose, and [`EncodeError::Refused`] where a setting is
     /// outside what the format has.
-    pub fn encode(&self, encoding: &Encoding, quality: Quality) -> Result<Vec<u8>, EncodeError> {
+    pub fn encode(&self, encoding: &Encoding, quality: Quality<'_>) -> Result<Vec<u8>, EncodeError> {
         encoding.codec.encoder().encode(&self.task(encoding), quality)
     }
 

@@ -16,7 +16,7 @@ pub use crate::quality::Quality;
 pub use decode::decode;
 pub use encoder::{Encoder, Encoding};
 pub use header::certify;
-pub use search::{Encoded, Target};
+pub use search::{Bounds, Encoded, Target};
 
 #[cfg(test)]
 mod tests {
@@ -110,7 +110,7 @@ mod tests {
             }
             for quality in qualities {
                 let encoded = encoder.measured(&encoding, quality, &evaluator).unwrap();
-                let off = encoded.mean_joint_cm;
+                let off = encoded.errors.mean_joint_cm;
                 assert!(off < 0.5, "{encoding:?} {quality:?}: {off} cm");
                 let decoded = decode(&encoded.bytes).unwrap();
                 assert_eq!((decoded.frames(), decoded.fps), (clip.motion.frames(), clip.motion.fps));
@@ -146,7 +146,8 @@ mod tests {
         let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
         for codec in CodecId::ALL.into_iter().filter(|&codec| Encoding::new(codec).has_free_steps()) {
             let encoding = Encoding { entropy: Some(EntropyId::Huffman), ..Encoding::new(codec) };
-            let found = encoder.encode_to(&encoding, Target::Error(0.1), &evaluator).unwrap().mean_joint_cm;
+            let found =
+                encoder.encode_to(&encoding, Target::Error(0.1), &evaluator).unwrap().errors.mean_joint_cm;
             assert!((found / 0.1 - 1.0).abs() < 0.03, "{codec:?}: {found} cm");
             let encoded = encoder.encode_to(&encoding, Target::Rate(8_000.0), &evaluator).unwrap();
             let rate = encoder.rate(&encoded.bytes);
@@ -180,7 +181,7 @@ mod tests {
                 [3, 5, 7].map(|bits| encoder.measured(&encoding, Quality::Bits(bits), &evaluator).unwrap());
             for pair in clips.windows(2) {
                 assert!(pair[0].bytes.len() < pair[1].bytes.len(), "{codec:?}");
-                assert!(pair[0].mean_joint_cm > 1.5 * pair[1].mean_joint_cm, "{codec:?}");
+                assert!(pair[0].errors.mean_joint_cm > 1.5 * pair[1].errors.mean_joint_cm, "{codec:?}");
             }
         }
     }

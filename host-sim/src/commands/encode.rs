@@ -2,16 +2,19 @@
 
 use super::codec;
 use super::input::{self, Quality, is_mclip};
+use super::joints;
 use anyhow::{Context, Result};
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::codec::encode::OptionError;
-use encoder::mclip::{Encoder, Encoding, Target};
+use encoder::mclip::{Bounds, Encoder, Encoding, Target};
 use encoder::qmd::{self, Parameters};
 use host_sim::cycle_limit::{self, Goal, Limit};
 use host_sim::files;
+use host_sim::puppet::joint_errors::{Asked, JointBounds, Recorded};
 use indicatif::ProgressBar;
 use mocap::Clip;
 use mocap::metrics::Evaluator;
+use puppet_file::Puppet;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -19,7 +22,12 @@ use std::time::Duration;
 /// Encode motion capture (AMC with its ASF, or BVH) into a clip.
 ///
 /// A .qmd has the byte layout of the QMD paper. A .mclip holds any codec in blocks with checksums, and takes what it
-/// should come to: bits of a code, a mean joint error, or a rate; 0.1 cm unless given.
+/// should come to: bits of a code, bounds of its errors, or a rate; a mean joint error of 0.1 cm unless given. The clip is the
+/// smallest of all that were tried within the bounds; where none is, the nearest, and a line says what it has.
+///
+/// With --puppet the bounds are those of the puppet's joints, and the errors are those of what the servos are told: the clip on the
+/// puppet's ticks, within the joints' limits, in whole goals. A joint whose limits alone are beyond the bounds is told, and its clip
+/// is held to them.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  bunraku encode 02_01.amc --skeleton 02.asf --codec qmd -o walk.qmd\n  bunraku encode 02_01.amc --skeleton 02.asf --codec dpcm --target-error 0.1 -o walk.mclip\n  bunraku encode 02_01.amc --skeleton 02.asf --target-error 0.1 --max-cycles 12000@cortex-m0plus -o walk.mclip"
@@ -35,9 +43,21 @@ pub struct Args {
     /// Bits of a code: 8 to 16 for a .qmd (QMD b, 8 unless given), 1 to 16 for a .mclip.
     #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u8).range(1..=16))]
     bits: Option<u8>,
-    /// Mean joint error to come to (.mclip).
+    /// Largest mean joint error, over all joints and frames and over those that move alone (.mclip).
     #[arg(long, value_name = "CM", value_parser = positive, conflicts_with = "bits")]
     target_error: Option<f64>,
+    /// Largest error of any point 3 cm off a bone in any frame (.mclip); 10 times the target error unless given.
+    #[arg(long, value_name = "CM", value_parser = positive, conflicts_with_all = ["bits", "target_rate"])]
+    worst_error: Option<f64>,
+    /// Largest error of each joint of the puppet, root of the mean square, in degrees (cm of a joint that slides) (.mclip); 0.25
+    /// unless given.
+    #[arg(long, value_name = "DEGREES", value_parser = positive, requires = "puppet",
+        conflicts_with_all = ["bits", "target_error", "worst_error", "target_rate", "max_cycles"])]
+    target_degrees: Option<f64>,
+    /// Largest error of each joint of the puppet at any time (.mclip); 2 unless given.
+    #[arg(long, value_name = "DEGREES", value_parser = positive, requires = "puppet",
+        conflicts_with_all = ["bits", "target_error", "worst_error", "target_rate", "max_cycles"])]
+    worst_degrees: Option<f64>,
     /// Bits per second to stay within (.mclip).
     #[arg(long, value_name = "BITS_PER_S", value_parser = positive, conflicts_with_all = ["bits", "target_error"])]
     target_rate: Option<f64>,
@@ -87,7 +107,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if !in_blocks && args.max_cycles.is_some() {
         usage(&format!("{output}: --max-cycles needs a .mclip"));
     }
-    if !in_blocks && (args.target_error.is_some() || args.target_rate.is_some()) {
+    if !in_blocks && (args.target_error.is_some() || args.worst_error.is_some() || args.target_rate.is_some())
+    {
         usage(&format!("{output}: a target needs a .mclip; for a .qmd there is bunraku optimize"));
     }
     let encoding = encoding(&args, codec).unwrap_or_else(|error| usage(&error.to_string()));
@@ -96,12 +117,22 @@ pub fn run(args: Args) -> Result<ExitCode> {
         usage(&format!("{output}: --bits is {bits}, expected {low} to {high}"));
     }
     let clip = args.source.load(&args.input)?;
-    let bytes = if in_blocks {
-        mclip(&args, &encoding, &clip)
-    } else {
-        qmd(&args, &clip).map(|bytes| (bytes, codec))
+    let puppet = args.source.puppet.as_deref().map(Puppet::read).transpose()?;
+    let in_degrees = in_blocks
+        && args.bits.is_none()
+        && args.target_error.is_none()
+        && args.worst_error.is_none()
+        && args.target_rate.is_none()
+        && args.max_cycles.is_none();
+    let bytes = match &puppet {
+        Some(puppet) if in_degrees => by_joints(&args, &encoding, &clip, puppet).map(|bytes| (bytes, codec)),
+        _ if in_blocks => mclip(&args, &encoding, &clip),
+        _ => qmd(&args, &clip).map(|bytes| (bytes, codec)),
     };
     let (bytes, codec) = bytes.with_context(|| format!("cannot encode {}", args.input.display()))?;
+    let joints =
+        puppet.as_ref().map(|puppet| joints::Table::of_recording(&args.output, &bytes, puppet, &clip));
+    let joints = joints.transpose()?;
     files::write(&args.output, |file| Ok(file.write_all(&bytes)?))?;
     let (frames, channels) = (clip.motion.frames(), clip.motion.channels);
     let ratio = (frames * channels * 4) as f64 / bytes.len() as f64;
@@ -109,7 +140,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if args.json {
         let report = serde_json::json!({
             "output": args.output, "frames": frames, "channels": channels, "fps": clip.motion.fps,
-            "bytes": bytes.len(), "ratio_f32": ratio, "bits_per_s": rate, "codec": codec.name(),
+            "bytes": bytes.len(), "ratio_f32": ratio, "bits_per_s": rate, "codec": codec.name(), "joints": joints,
         });
         println!("{report:#}");
     } else {
@@ -119,6 +150,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
             input::short(clip.motion.fps),
             bytes.len(),
         );
+        joints.iter().for_each(joints::Table::print);
+    }
+    if let (Some(joints), true) = (joints, in_degrees) {
+        joints.tell_beyond(&args.output, joint_bounds(&args));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -149,7 +184,7 @@ fn mclip(args: &Args, encoding: &Encoding, clip: &Clip) -> Result<(Vec<u8>, Code
     let evaluator = Evaluator::new(&clip.skeleton, &clip.motion)?;
     let target = match args.target_rate {
         Some(rate) => Target::Rate(rate),
-        None => Target::Error(args.target_error.unwrap_or(0.1)),
+        None => Target::Within(bounds(args)),
     };
     if let Some(limit) = args.max_cycles {
         let goal = args.bits.map_or(Goal::Target(target), Goal::Bits);
@@ -161,10 +196,14 @@ fn mclip(args: &Args, encoding: &Encoding, clip: &Clip) -> Result<(Vec<u8>, Code
     let encoded = encoder.encode_to(encoding, target, &evaluator)?;
     let (name, rate) = (args.output.display(), encoder.rate(&encoded.bytes));
     match target {
-        Target::Error(cm) if (encoded.mean_joint_cm / cm - 1.0).abs() > 0.03 => {
+        Target::Within(bounds) if bounds.excess(&encoded.errors) > 1.0 => {
             eprintln!(
-                "bunraku: {name}: the nearest to {cm} cm that this codec has is {:.4} cm",
-                encoded.mean_joint_cm
+                "bunraku: {name}: the nearest to the bounds that was found has a mean joint error of {:.4} cm, expected {} cm at \
+                 most, and {:.4} cm at worst, expected {} cm",
+                encoded.errors.mean_cm(),
+                bounds.mean_cm,
+                encoded.errors.max_point_cm,
+                bounds.worst_cm
             );
         }
         Target::Rate(limit) if rate > limit => {
@@ -175,6 +214,38 @@ fn mclip(args: &Args, encoding: &Encoding, clip: &Clip) -> Result<(Vec<u8>, Code
         _ => {}
     }
     Ok((encoded.bytes, codec))
+}
+
+/// The smallest clip whose joints are within their bounds on the puppet.
+fn by_joints(args: &Args, encoding: &Encoding, clip: &Clip, puppet: &Puppet) -> Result<Vec<u8>> {
+    let map = puppet.map(&clip.skeleton)?;
+    let mut motion = clip.motion.clone();
+    motion.unwrap_angles(&clip.skeleton);
+    let bounds = joint_bounds(args);
+    let asked = Asked::of(&mut Recorded::new(&motion), &map)?;
+    let without_loss = asked.errors(&mut Recorded::new(&motion))?;
+    let encoder = Encoder::new(&clip.skeleton, &clip.motion)?;
+    encoder.encode_each(encoding, bounds.rms, |bytes| {
+        let played =
+            host_sim::clip::Clip::parse(&args.output, bytes)?.decode(|frames| asked.errors(frames))?;
+        let mut excess = vec![0.0_f64; clip.motion.channels];
+        for ((joint, error), least) in map.joints().iter().zip(&played).zip(&without_loss) {
+            let channel = &mut excess[usize::from(joint.channel)];
+            *channel = channel.max(bounds.excess_of_clip(error, least));
+        }
+        anyhow::Ok(excess)
+    })
+}
+
+/// How large the errors of the puppet's joints may be.
+fn joint_bounds(args: &Args) -> JointBounds {
+    JointBounds { rms: args.target_degrees.unwrap_or(0.25), worst: args.worst_degrees.unwrap_or(2.0) }
+}
+
+/// How large the errors may be.
+fn bounds(args: &Args) -> Bounds {
+    let mean_cm = args.target_error.unwrap_or(0.1);
+    Bounds { mean_cm, worst_cm: args.worst_error.unwrap_or(10.0 * mean_cm) }
 }
 
 /// The best clip whose most expensive frame is within a limit.
@@ -199,7 +270,7 @@ fn best_within(
         cycle_limit::describe(&found.encoding),
         found.cycles_max,
         limit.core.name(),
-        found.encoded.mean_joint_cm
+        found.encoded.errors.mean_joint_cm
     );
     Ok((found.encoded.bytes, found.encoding.codec.id()))
 }

@@ -1,6 +1,7 @@
 //! Arguments that several commands share: what is read, and how it is coded.
 
 use super::frames::FrameRange;
+use super::same_channels;
 use anyhow::{Context, Result, bail};
 use encoder::qmd::Method;
 use host_sim::files;
@@ -32,7 +33,7 @@ pub struct Source {
     /// Only the channels that this puppet's joints follow, in its order. Such a clip needs no skeleton to be played, and is all that the
     /// puppet's controller has to hold and decode. Errors are those of the skeleton's joints with all else at rest.
     #[arg(long, value_name = "PUPPET.toml")]
-    puppet: Option<PathBuf>,
+    pub puppet: Option<PathBuf>,
 }
 
 impl Source {
@@ -67,20 +68,18 @@ impl Source {
         }
     }
 
-    /// The motion in a .amc, .bvh, .qmd or .mclip file; a clip takes its skeleton from `reference`, whose channels it
-    /// must have. Also the size that counts: that of a compressed clip, or of the samples as float32.
+    /// The motion in a .amc, .bvh, .qmd or .mclip file on the skeleton of `reference`, whose channels it must have, in any order
+    /// where it names them. Also the size that counts: that of a compressed clip, or of the samples as float32.
     pub fn load_any(&self, path: &Path, reference: &Clip) -> Result<(Clip, u64)> {
         if !is_clip(path) {
             let clip = self.load(path)?;
             let bytes = clip.motion.samples.len() * 4;
-            return Ok((clip, bytes as u64));
+            let motion = same_channels::of_motion(path, &clip, &reference.skeleton)?;
+            return Ok((Clip { skeleton: reference.skeleton.clone(), motion }, bytes as u64));
         }
         let bytes = files::read(path)?;
-        let mut motion = decode(path, &bytes)?;
-        let (found, expected) = (motion.channels, reference.motion.channels);
-        if found != expected {
-            bail!("{} has {found} channels, expected {expected} as in the reference", path.display());
-        }
+        let motion = decode(path, &bytes)?;
+        let mut motion = same_channels::of_clip(path, &bytes, &motion, &reference.skeleton)?;
         if motion.fps == 0.0 {
             motion.fps = self.fps.unwrap_or(reference.motion.fps);
         }

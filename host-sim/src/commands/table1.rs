@@ -270,7 +270,7 @@ fn packed_row(folder: &Path, trial: &Trial) -> Result<PackedRow> {
         .map(|bits| anyhow::Ok((bits, encoder.measured(&encoding, Quality::Bits(bits), &evaluator)?)));
     let mut tried = Vec::new();
     let mut within = |limit_cm: f64, most_part: f64| -> Result<Point> {
-        while tried.iter().all(|(_, encoded): &(u8, Encoded)| encoded.mean_joint_cm > limit_cm) {
+        while tried.iter().all(|(_, encoded): &(u8, Encoded)| encoded.errors.mean_joint_cm > limit_cm) {
             tried.push(
                 found
                     .next()
@@ -279,7 +279,7 @@ fn packed_row(folder: &Path, trial: &Trial) -> Result<PackedRow> {
         }
         let smallest = tried
             .iter()
-            .filter(|(_, encoded)| encoded.mean_joint_cm <= limit_cm)
+            .filter(|(_, encoded)| encoded.errors.mean_joint_cm <= limit_cm)
             .min_by_key(|(_, encoded)| encoded.bytes.len());
         let (index_bits, encoded) = smallest.context("one was found above")?;
         let bytes = encoded.bytes.len();
@@ -290,7 +290,7 @@ fn packed_row(folder: &Path, trial: &Trial) -> Result<PackedRow> {
             header_bytes: Packed::parse(&encoded.bytes, Limits::MAX)?.header_bytes(),
             part: bytes as f64 / paper_bytes as f64,
             most_part,
-            mean_joint_cm: encoded.mean_joint_cm,
+            mean_joint_cm: encoded.errors.mean_joint_cm,
         })
     };
     let (packed, fine) = (within(faithful, PACKED_AIM)?, within(FINE_CM, FINE_AIM)?);

@@ -4,5 +4,6 @@
 pub mod budget;
 pub mod calibrate;
 pub mod channels;
+pub mod joint_errors;
 pub mod new;
 pub mod rehearse;

@@ -3,7 +3,7 @@
 use anyhow::{Result, anyhow};
 use firmware::clock::Speed;
 use firmware::frames::Frames;
-use firmware::limits::{FINE_BITS, Limiter};
+use firmware::limits::{FINE_BITS, Limiter, Limits};
 use firmware::map::Joint;
 use firmware::playback::Playback;
 use puppet_file::Map;
@@ -19,7 +19,7 @@ pub struct Worst {
 }
 
 impl Worst {
-    fn see(&mut self, value: f64, seconds: f64) {
+    pub(super) fn see(&mut self, value: f64, seconds: f64) {
         if value > self.value {
             *self = Self { value, seconds };
         }
@@ -57,24 +57,44 @@ impl Demand {
 /// # Errors
 /// Where clip and map do not fit together, or the clip is damaged.
 pub fn rehearse(frames: &mut dyn Frames, map: &Map) -> Result<Vec<Demand>> {
+    let mut joints: Vec<Course> =
+        map.joints().iter().map(|joint| Course::new(joint, map.tick_hz())).collect();
+    each_tick(frames, map, |seconds, wanted| {
+        for (course, wanted) in joints.iter_mut().zip(wanted) {
+            course.tick(*wanted, seconds);
+        }
+    })?;
+    Ok(joints.into_iter().map(|course| course.demand).collect())
+}
+
+/// Plays frames on the puppet's ticks, and tells `see` for every tick its time in seconds and where each joint is to be, as fine goals.
+///
+/// # Errors
+/// As [`rehearse`].
+pub(super) fn each_tick(frames: &mut dyn Frames, map: &Map, mut see: impl FnMut(f64, &[i32])) -> Result<()> {
     let mut playback = Playback::new(frames, map, false, 0).map_err(|(error, _)| error)?;
     let damaged = |error| anyhow!("the clip is damaged: {error}");
     while !playback.seek(map).map_err(damaged)? {}
-    let mut joints: Vec<Course> =
-        map.joints().iter().map(|joint| Course::new(joint, map.tick_hz())).collect();
     let mut wanted = vec![0; map.joints().len()];
     for tick in 0.. {
         playback.pose(map.settings().interpolation, &mut wanted, |to, goal| *to = goal);
-        let seconds = map.tick_micros(tick) as f64 / 1e6;
-        for (course, wanted) in joints.iter_mut().zip(&wanted) {
-            course.tick(*wanted, seconds);
-        }
+        see(map.tick_micros(tick) as f64 / 1e6, &wanted);
         if playback.ended() {
             break;
         }
         playback.advance(map, Speed::NORMAL).map_err(damaged)?;
     }
-    Ok(joints.into_iter().map(|course| course.demand).collect())
+    Ok(())
+}
+
+/// What a fine goal is in the unit of the joint's channel, without its direction.
+pub(super) fn per_fine_goal(joint: &Joint) -> f64 {
+    1.0 / (f64::from(1 << FINE_BITS) * joint.scale.to_num::<f64>().abs())
+}
+
+/// A joint before the first tick: a clip is eased into, so the joint is where the clip begins, as near as its range allows.
+pub(super) fn start(limits: &Limits, wanted: i32) -> Limiter {
+    Limiter::at((wanted.clamp(limits.min(), limits.max()) + (1 << (FINE_BITS - 1))) >> FINE_BITS)
 }
 
 /// A joint on its way. Positions are fine goals.
@@ -103,7 +123,7 @@ impl<'m> Course<'m> {
     fn tick(&mut self, wanted: i32, seconds: f64) {
         let Self { joint, hz, last, limiter, demand } = self;
         let limits = joint.limits();
-        let unit = 1.0 / (f64::from(1 << FINE_BITS) * joint.scale.to_num::<f64>().abs());
+        let unit = per_fine_goal(joint);
         let (min, max) = (limits.min(), limits.max());
         let beyond = (min - wanted).max(wanted - max);
         if beyond > 0 {
@@ -122,9 +142,7 @@ impl<'m> Course<'m> {
             }
         }
         *last = Some((wanted, velocity));
-        // A clip is eased into, so it begins where it wants to be.
-        let start = || Limiter::at((wanted.clamp(min, max) + (1 << (FINE_BITS - 1))) >> FINE_BITS);
-        let limiter = limiter.get_or_insert_with(start);
+        let limiter = limiter.get_or_insert_with(|| start(&limits, wanted));
         limiter.follow(&limits, wanted);
         demand.off.see(f64::from((limiter.position() - wanted).abs()) * unit, seconds);
     }

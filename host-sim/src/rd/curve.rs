@@ -35,7 +35,7 @@ pub enum Sweep {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quality {
     /// As [`Sweep::Bits`] and [`Sweep::Steps`] say.
-    Mclip(Encoding, mclip::Quality),
+    Mclip(Encoding, mclip::Quality<'static>),
     /// As [`Sweep::Fixed`] says.
     Qmd {
         /// b.

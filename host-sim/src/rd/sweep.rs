@@ -173,7 +173,7 @@ impl<'m> Ready<'m> {
             Quality::Mclip(_, mclip::Quality::Bits(bits)) => (Some(bits), None, None),
             Quality::Mclip(_, mclip::Quality::Step(cm)) => (None, Some(cm), None),
             // Not swept: its steps have a unit that no column has.
-            Quality::Mclip(_, mclip::Quality::Even(_)) => (None, None, None),
+            Quality::Mclip(_, mclip::Quality::Even(_) | mclip::Quality::Each(_)) => (None, None, None),
             Quality::Qmd { index_bits, fixed_channels, .. } => (Some(index_bits), None, Some(fixed_channels)),
         };
         let (entropy, header_bytes) = match quality {

@@ -97,6 +97,10 @@ pub fn by_steps(
     coefficients: Coefficients,
 ) -> Result<Allocation, EncodeError> {
     let choose = |(column, &step): (&Column, &f64)| -> Result<Choice, EncodeError> {
+        // What does not move at all is exact, whatever the step.
+        if column.low == column.high {
+            return Ok(Choice::REST);
+        }
         let mut best = (f64::INFINITY, rest(step));
         if !is_worth_codes(column, step) {
             return Ok(best.1);

@@ -14,11 +14,18 @@ use decoder_core::mclip::EntropyId;
 ///
 /// # Errors
 /// As that.
-pub fn encode(codec: &dyn ScalarEncode, task: &Task<'_>, quality: Quality) -> Result<Vec<u8>, EncodeError> {
+pub fn encode(
+    codec: &dyn ScalarEncode,
+    task: &Task<'_>,
+    quality: Quality<'_>,
+) -> Result<Vec<u8>, EncodeError> {
     let mut allocation = match quality {
         Quality::Bits(bits) => codec.allocate_bits(task, bits.clamp(1, codec.most_bits())),
         Quality::Step(cm) => codec.allocate_steps(task, &task.motion.steps(cm)),
         Quality::Even(step) => codec.allocate_steps(task, &vec![65536.0 * step; task.motion.columns.len()]),
+        Quality::Each(steps) => {
+            codec.allocate_steps(task, &steps.iter().map(|step| 65536.0 * step).collect::<Vec<f64>>())
+        }
     }?;
     if task.entropy == Some(EntropyId::FixedWidth) {
         level(&mut allocation.choices);

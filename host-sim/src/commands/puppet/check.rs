@@ -1,5 +1,6 @@
 //! `bunraku puppet check`.
 
+use crate::commands::joints::Table;
 use anyhow::{Context, Result};
 use firmware::limits::FINE_BITS;
 use firmware::map::Joint;
@@ -15,8 +16,8 @@ use std::process::ExitCode;
 
 /// Check a puppet.toml: every mistake with its line, then its joints, and what a tick costs on its buses.
 ///
-/// With a clip also where that leaves a joint's range, or is faster or more sudden than the joint may be; the player then
-/// does what the joint can. Exits with 1 where there is a mistake, or a tick does not fit on a bus.
+/// With a clip also the range that each joint moves in, and where the clip leaves a joint's range, or is faster or more sudden
+/// than the joint may be; the player then does what the joint can. Exits with 1 where there is a mistake, or a tick does not fit on a bus.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  bunraku puppet check puppets/cmu-20.toml --skeleton 02.asf --clip walk.mclip"
@@ -48,6 +49,8 @@ struct Report<'a> {
     /// `None` where nothing goes over a wire.
     highest_hz: Option<u32>,
     fits: bool,
+    /// What the player makes of the clip.
+    in_clip: Option<Table>,
 }
 
 #[derive(Serialize)]
@@ -96,7 +99,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
             Some(demands.with_context(|| format!("cannot play {}", path.display()))?)
         }
     };
-    let report = report(&puppet, &map, &channels, args.return_delay, demands);
+    let in_clip = clip.as_ref().map(|(path, clip)| Table::of_clip(path, clip, &puppet, &map, &channels));
+    let in_clip = in_clip.transpose()?;
+    let report = Report { in_clip, ..report(&puppet, &map, &channels, args.return_delay, demands) };
     if args.json {
         println!("{:#}", serde_json::to_value(&report)?);
     } else {
@@ -149,6 +154,7 @@ fn report<'a>(
         highest_hz: (micros > 0.0).then(|| (1e6 / micros) as u32),
         fits: micros <= tick_micros,
         buses,
+        in_clip: None,
     }
 }
 
@@ -193,15 +199,17 @@ fn print(report: &Report<'_>, clip: &Option<PathBuf>) {
         report.highest_hz.map_or(String::new(), |hz| format!("; they bear {hz} Hz at most")),
         if report.fits { "" } else { ": too much" }
     );
-    if let Some(path) = clip {
-        print_demands(joints, path, width);
+    if let (Some(path), Some(table)) = (clip, &report.in_clip) {
+        println!("\n{}:", path.display());
+        table.print();
+        print_demands(joints, width);
     }
 }
 
-fn print_demands(joints: &[JointReport<'_>], clip: &std::path::Path, width: usize) {
+fn print_demands(joints: &[JointReport<'_>], width: usize) {
     let unmet = || joints.iter().filter_map(|joint| Some((joint, joint.demand.as_ref()?)));
     let count = unmet().filter(|(_, demand)| !demand.is_met()).count();
-    println!("\n{}: {} of {} joints can do all of it", clip.display(), joints.len() - count, joints.len());
+    println!("{} of {} joints can do all that the clip asks of them", joints.len() - count, joints.len());
     for (joint, demand) in unmet().filter(|(_, demand)| !demand.is_met()) {
         let unit = joint.unit;
         let mut said = Vec::new();
