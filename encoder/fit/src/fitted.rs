@@ -8,12 +8,16 @@ use crate::smooth::{self, Limits};
 use crate::track::{Candidate, MOST_JOINTS, Track, Values, turned};
 use crate::twist::{Twist, twist};
 use mocap::angles::{IDENTITY, Matrix, multiply, transpose};
-use mocap::body::{Body, TPose};
+use mocap::body::{Body, Part, TPose};
 use mocap::skeleton::{Channel, Dof, Joint as Bone, Origin, Skeleton};
 use mocap::{Clip, Motion};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// A bone whose direction is off by less than this, in degrees, is where it should be.
 const NEAR: f64 = 0.5;
+
+/// Parts that are judged by where they face.
+const TRUNK: [Part; 5] = [Part::Hips, Part::Spine, Part::Chest, Part::Neck, Part::Head];
 
 /// A puppet's clip, and what the puppet cannot do of the recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,7 +66,8 @@ pub fn fit(plan: &Plan, clip: &Clip, smooth: bool) -> Fitted {
     for chain in 0..plan.chains.len() {
         recording.chain(plan, chain, &mut ways);
     }
-    let mut ways: Vec<Way> = ways.into_iter().map(|way| way.expect("every joint follows something")).collect();
+    let mut ways: Vec<Way> =
+        ways.into_iter().map(|way| way.expect("every joint follows something")).collect();
     let mut joints = Vec::new();
     for (joint, way) in plan.joints.iter().zip(&mut ways) {
         let limits =
@@ -90,9 +95,11 @@ pub fn fit(plan: &Plan, clip: &Clip, smooth: bool) -> Fitted {
 
 /// Joints that follow channels: without flips and turns, and by whole turns where the joint can be.
 fn channels(plan: &Plan, clip: &Clip, ways: &mut [Option<Way>]) {
-    let followed = |joint: &Joint| if let Follows::Channel(channel) = joint.follows { Some(channel) } else { None };
+    let followed =
+        |joint: &Joint| if let Follows::Channel(channel) = joint.follows { Some(channel) } else { None };
     let followers = |channels: &[usize]| -> Vec<usize> {
-        let follows = |index: &usize| followed(&plan.joints[*index]).is_some_and(|own| channels.contains(&own));
+        let follows =
+            |index: &usize| followed(&plan.joints[*index]).is_some_and(|own| channels.contains(&own));
         (0..plan.joints.len()).filter(follows).collect()
     };
     let fps = clip.motion.fps;
@@ -198,8 +205,8 @@ struct Recording {
     fps: f64,
     /// For each pair of bones the rotations of the one against the other.
     turned: Vec<(Bones, Vec<Matrix>)>,
-    /// Where each bone points in the T-pose.
-    directions: Vec<[f64; 3]>,
+    /// Where each bone points in the T-pose; `None` for those of the trunk and the head.
+    directions: Vec<Option<[f64; 3]>>,
 }
 
 impl Recording {
@@ -214,9 +221,12 @@ impl Recording {
                 turned.push((bones, Vec::with_capacity(clip.motion.frames())));
             }
         }
-        let mut t_pose = TPose::of(&clip.skeleton, &Body::of(&clip.skeleton));
+        let body = Body::of(&clip.skeleton);
+        let mut t_pose = TPose::of(&clip.skeleton, &body);
         let joints = clip.skeleton.joints.len();
-        let directions = (0..joints).map(|joint| t_pose.direction(joint)).collect();
+        let is_trunk = |joint| body.part(joint).is_some_and(|part| TRUNK.contains(&part));
+        let direction = |joint| (!is_trunk(joint)).then(|| t_pose.direction(joint));
+        let directions = (0..joints).map(direction).collect();
         let mut rotations = vec![IDENTITY; joints];
         if !turned.is_empty() {
             for pose in clip.motion.iter() {
@@ -228,6 +238,19 @@ impl Recording {
             }
         }
         Self { fps: clip.motion.fps, turned, directions }
+    }
+
+    /// The direction of a bone by which joints with these axes are judged, in the T-pose.
+    ///
+    /// A limb is judged by where it points. Of the trunk and the head it matters where they face, since a bone that points
+    /// up does not show that a head turns: the first of forward, up and sideways that every joint moves.
+    fn direction(&self, bone: usize, axes: &[[f64; 3]]) -> [f64; 3] {
+        let moves = |direction: &[f64; 3]| {
+            let along = |axis: &[f64; 3]| (0..3).map(|k| axis[k] * direction[k]).sum::<f64>().abs();
+            axes.iter().all(|axis| along(axis) < FRAC_1_SQRT_2)
+        };
+        let facing = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]];
+        self.directions[bone].unwrap_or_else(|| facing.into_iter().find(moves).unwrap_or(facing[0]))
     }
 
     fn rotations(&self, bones: Bones) -> &[Matrix] {
@@ -272,16 +295,18 @@ impl Recording {
             })
             .collect();
         let joints = || members.iter().map(|(index, _)| &plan.joints[*index]);
+        let axes: Vec<[f64; 3]> = members.iter().map(|(_, axis)| *axis).collect();
         let chain = Chain {
-            axes: members.iter().map(|(_, axis)| *axis).collect(),
+            direction: self.direction(bones.bone, &axes),
+            axes,
             ranges: joints().map(|joint| joint.range.map(|end| (end - joint.offset).to_radians())).collect(),
-            direction: self.directions[bones.bone],
         };
         let mut max_speed = [f64::INFINITY; MOST_JOINTS];
         joints().zip(&mut max_speed).for_each(|(joint, speed)| *speed = joint.max_speed);
         let mut way = Track { fps: self.fps, max_speed }.best(&chain.candidates(wanted)).0;
         chain.settle(&mut way, wanted, self.fps);
-        let off: Vec<f64> = way.iter().zip(wanted).map(|(values, wanted)| chain.off(&radians(values), wanted)).collect();
+        let off: Vec<f64> =
+            way.iter().zip(wanted).map(|(values, wanted)| chain.off(&radians(values), wanted)).collect();
         for (place, joint) in joints().enumerate() {
             let [min, max] = joint.range;
             let values: Vec<f64> =
@@ -305,7 +330,9 @@ impl Recording {
                 .iter()
                 .enumerate()
                 .filter_map(|(index, joint)| match &joint.follows {
-                    Follows::Chain { chain, axis } if plan.chains[*chain].bones == *bones => Some((index, *axis)),
+                    Follows::Chain { chain, axis } if plan.chains[*chain].bones == *bones => {
+                        Some((index, *axis))
+                    }
                     Follows::Turns(turns) => match turns.as_slice() {
                         [(turn, 1.0)] if turn.bones == *bones => Some((index, turn.axis)),
                         _ => None,
@@ -316,11 +343,8 @@ impl Recording {
             if members.is_empty() || members.len() > MOST_JOINTS {
                 continue;
             }
-            let chain = Chain {
-                axes: members.iter().map(|(_, axis)| *axis).collect(),
-                ranges: Vec::new(),
-                direction: self.directions[bones.bone],
-            };
+            let axes: Vec<[f64; 3]> = members.iter().map(|(_, axis)| *axis).collect();
+            let chain = Chain { direction: self.direction(bones.bone, &axes), axes, ranges: Vec::new() };
             let angles: Vec<f64> = wanted
                 .iter()
                 .enumerate()

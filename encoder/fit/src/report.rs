@@ -74,7 +74,7 @@ impl Excess {
     }
 }
 
-/// Where a bone points in the recording and in the fitted clip.
+/// Where a bone points in the recording and in the fitted clip; of the trunk and the head, where they face.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BoneReport {
     /// The skeleton's joint that turns the bone.

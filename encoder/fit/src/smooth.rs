@@ -60,9 +60,10 @@ pub fn within(values: &[f64], fps: f64, limits: &Limits) -> Vec<f64> {
         // The way that is nearest to the given one and to what the limits let through.
         let mut wish = values.to_vec();
         for order in 0..3 {
-            let part = split[order].iter().zip(&prices[order]).map(|(split, price)| {
-                scale[order] * weight * (split - price)
-            });
+            let part = split[order]
+                .iter()
+                .zip(&prices[order])
+                .map(|(split, price)| scale[order] * weight * (split - price));
             add_back(&mut wish, &part.collect::<Vec<_>>(), order);
         }
         way = system.solve(wish);
@@ -192,9 +193,11 @@ mod tests {
     fn a_step_becomes_a_ramp_that_begins_before_it() {
         for fps in [30.0, 60.0, 120.0] {
             let frames = (2.0 * fps) as usize;
-            let step: Vec<f64> = (0..frames).map(|frame| if frame < frames / 2 { -80.0 } else { 80.0 }).collect();
+            let step: Vec<f64> =
+                (0..frames).map(|frame| if frame < frames / 2 { -80.0 } else { 80.0 }).collect();
             let found = within(&step, fps, &LIMITS);
-            let most = |order: usize| differences(&found, order).into_iter().map(f64::abs).fold(0.0, f64::max);
+            let most =
+                |order: usize| differences(&found, order).into_iter().map(f64::abs).fold(0.0, f64::max);
             assert!(most(1) * fps <= 250.0, "{} at {fps}", most(1) * fps);
             assert!(most(2) * fps * fps <= 5000.0 * 0.34, "{} at {fps}", most(2) * fps * fps);
             // As late as early, and where it is slow enough as it was.

@@ -92,7 +92,8 @@ pub fn turned(value: f64, period: Option<f64>, [min, max]: [f64; 2], weight: f64
     };
     let Some(period) = period else { return vec![candidate(value)] };
     // From the last one below the range to the first one above.
-    let (first, last) = (((min - value) / period).ceil() as i64 - 1, ((max - value) / period).floor() as i64 + 1);
+    let (first, last) =
+        (((min - value) / period).ceil() as i64 - 1, ((max - value) / period).floor() as i64 + 1);
     (first..=last).map(|turns| candidate(turns as f64 * period + value)).collect()
 }
 

@@ -37,7 +37,8 @@ impl Puppet {
             let own = mistakes.note(self.own_channel(entry));
             // Of the puppet's own channels each joint has the one with its number.
             let joint = map.joints().iter().find(|joint| usize::from(joint.channel) == index);
-            let (Some(follows), Some(offset), Some((_, unit)), Some(joint)) = (follows, offset, own, joint) else {
+            let (Some(follows), Some(offset), Some((_, unit)), Some(joint)) = (follows, offset, own, joint)
+            else {
                 continue;
             };
             let scale = joint.scale.to_num::<f64>();
@@ -85,7 +86,12 @@ struct Figure<'s> {
 }
 
 impl Figure<'_> {
-    fn bones(&self, puppet: &Puppet, bone: &Spanned<String>, against: &Spanned<String>) -> Result<Bones, Error> {
+    fn bones(
+        &self,
+        puppet: &Puppet,
+        bone: &Spanned<String>,
+        against: &Spanned<String>,
+    ) -> Result<Bones, Error> {
         let find = |name: &Spanned<String>| {
             let found = self.body.find(self.skeleton, name.get_ref());
             found.ok_or_else(|| puppet.wrong(name, self.missing(name.get_ref())))
@@ -126,7 +132,10 @@ mod tests {
         let turn = Turn { bones, axis: [0.0, -1.0, 0.0] };
         assert_eq!(elbow.follows, Follows::Turns(vec![(turn, 1.0)]));
         assert!((elbow.range[0] - 10.0).abs() < 0.05 && (elbow.range[1] - 90.0).abs() < 0.05, "{elbow:?}");
-        assert!((elbow.max_speed - 90.0).abs() < 0.1 && (elbow.max_acceleration - 1800.0).abs() < 5.0, "{elbow:?}");
+        assert!(
+            (elbow.max_speed - 90.0).abs() < 0.1 && (elbow.max_acceleration - 1800.0).abs() < 5.0,
+            "{elbow:?}"
+        );
         assert!(elbow.is_rotation && elbow.offset == 20.0);
     }
 
@@ -138,7 +147,13 @@ mod tests {
         let mistakes = plan(&format!("{ELBOW}{tail}{other}{sum}")).unwrap_err();
         let sentences: Vec<String> = mistakes.iter().map(ToString::to_string).collect();
         assert_eq!(sentences.len(), 2, "{sentences:#?}");
-        assert!(sentences[0].contains("line 8, key \"turn\": the skeleton has no bone \"tail\"; it has hips"));
-        assert!(sentences[1].contains("line 14, key \"sum\": the skeleton has no bone \"nek\""), "{}", sentences[1]);
+        assert!(
+            sentences[0].contains("line 8, key \"turn\": the skeleton has no bone \"tail\"; it has hips")
+        );
+        assert!(
+            sentences[1].contains("line 14, key \"sum\": the skeleton has no bone \"nek\""),
+            "{}",
+            sentences[1]
+        );
     }
 }
