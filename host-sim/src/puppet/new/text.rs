@@ -1,6 +1,6 @@
 //! A proposed puppet as a puppet.toml.
 
-use super::{Proposal, Proposed};
+use super::proposal::{Proposal, Proposed};
 use firmware::map::BusKind;
 use std::fmt::Write;
 

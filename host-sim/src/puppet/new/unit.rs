@@ -63,6 +63,9 @@ pub struct Unit {
     pub against: Part,
     /// Its servos, the one nearest to the bone that stays first.
     pub axes: Vec<Axis>,
+    /// Two other axes that may serve a recording better. A chain of two cannot be followed where its bone points along
+    /// the first axis: with these it is another direction.
+    pub others: Option<[Axis; 2]>,
     /// What a servo more would turn about.
     pub more: Option<Axis>,
     /// Whether its axis is a hinge, which a recording tells.
@@ -83,7 +86,7 @@ impl Unit {
                 };
                 let mut axes: Vec<Axis> = axes.iter().map(|&(name, axis)| Axis { name, axis }).collect();
                 let more = (axes.len() > servos).then(|| axes.pop()).flatten();
-                units.push(Self { group, name, bone, against, axes, more, is_hinge: false });
+                units.push(Self { group, name, bone, against, axes, others: None, more, is_hinge: false });
             };
         if let Some(trunk) = trunk.filter(|trunk| *trunk != Part::Hips) {
             let axes = [("turn", Y), ("bend", X)];
@@ -109,6 +112,9 @@ impl Unit {
         }
         for unit in &mut units {
             unit.is_hinge = matches!(unit.bone, Part::Forearm(_) | Part::Shin(_));
+            if matches!(unit.bone, Part::UpperArm(_)) {
+                unit.others = Some([Axis { name: "lift", axis: Z }, Axis { name: "swing", axis: Y }]);
+            }
         }
         units
     }
