@@ -55,7 +55,6 @@ mod place;
 mod plan;
 mod puppet;
 
-pub use bus_kind::bus_kind;
 pub use channels::{Channels, MissingChannel, Owner, Unit};
 pub use error::{Error, Problem};
 pub use joint::{goal_range, goals_per_degree};
