@@ -289,10 +289,9 @@ impl<B: ServoBus, C: Clock> ServoBus for Watched<'_, B, C> {
     async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
         let start = self.clock.now();
         let result = self.bus.read_all(ids, readings).await;
-        let seen = self.positions.iter_mut().zip(readings.iter());
-        seen.for_each(|(position, reading)| {
-            *position = reading.map_or(*position, |reading| reading.position)
-        });
+        for (position, reading) in self.positions.iter_mut().zip(readings.iter()) {
+            *position = reading.map_or(*position, |reading| reading.position);
+        }
         self.took(start);
         result
     }
