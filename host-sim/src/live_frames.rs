@@ -8,20 +8,15 @@
 mod client;
 mod listener;
 
-pub use listener::Listener;
+pub use listener::{Listener, Say};
 
 use crate::link::port::Port;
 use anyhow::{Context, Result};
+use client::CHUNK;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::Duration;
-
-/// Is told what happens, in a sentence.
-pub type Say = fn(&str);
-
-/// Most bytes that are read at once.
-const CHUNK: usize = 1024;
 
 /// Reads the serial port or `tcp:HOST:PORT` of this name in a thread of its own, until it ends.
 ///

@@ -1,6 +1,5 @@
 //! A connected client: what it speaks, and its bytes.
 
-use super::CHUNK;
 use anyhow::{Result, anyhow};
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -12,6 +11,9 @@ use tungstenite::handshake::server::{ErrorResponse, Request, Response};
 use tungstenite::http::StatusCode;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, Message, accept_hdr_with_config};
+
+/// Most bytes that are read at once.
+pub const CHUNK: usize = 1024;
 
 /// What every WebSocket client sends first (RFC 6455, section 4.1), and no frame begins with.
 const HTTP: [u8; 4] = *b"GET ";

@@ -1,12 +1,15 @@
 //! Takes one client at a time, and refuses the others in a sentence.
 
-use super::{Say, client};
+use super::client;
 use anyhow::{Context, Result};
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
+
+/// Is told what happens, in a sentence.
+pub type Say = fn(&str);
 
 /// A TCP port that takes live frames, as bytes or in a WebSocket: what a client sends first says which.
 #[derive(Debug)]
