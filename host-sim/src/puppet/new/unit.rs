@@ -147,6 +147,10 @@ impl Unit {
                 let lift = Axis::new("lift", Z, mirrored(side, [-225.0, 135.0]));
                 unit.others = Some([lift, Axis::new("swing", Y, [-90.0, 90.0])]);
             }
+            if matches!(unit.bone, Part::Thigh(_)) {
+                let spread = Axis::new("spread", Z, [-130.0, 130.0]);
+                unit.others = Some([spread, Axis::new("swing", X, [-130.0, 100.0])]);
+            }
         }
         units
     }
