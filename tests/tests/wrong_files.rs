@@ -134,7 +134,7 @@ fn clips() {
     refused(
         folder.path(),
         &["decode", "walk.qmd", "--skeleton", "puppet.asf", "-o", "out.txt"],
-        &["out.txt", "txt", "expected amc, bvh or csv"],
+        &["out.txt", "txt", "expected amc, bvh, csv or json"],
     );
 }
 

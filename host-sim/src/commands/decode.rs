@@ -8,7 +8,7 @@ use mocap::import::{self, amc};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Decode a clip into AMC, BVH or CSV.
+/// Decode a clip into AMC, BVH, CSV, or JSON as the Blender Servo Animation add-on writes it.
 ///
 /// A clip that was made for a puppet has only some of the skeleton's channels; the others become 0.
 #[derive(clap::Args)]
@@ -26,14 +26,15 @@ pub struct Args {
     #[arg(long, value_name = "F")]
     fps: Option<f64>,
     /// Where the motion goes; its extension says the format.
-    #[arg(short, long, value_name = "OUT.amc|.bvh|.csv")]
+    #[arg(short, long, value_name = "OUT.amc|.bvh|.csv|.json")]
     output: PathBuf,
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
     let extension = args.output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    if !["amc", "bvh", "csv"].contains(&extension.as_str()) {
-        bail!("{}: found the extension {extension:?}, expected amc, bvh or csv", args.output.display());
+    if !["amc", "bvh", "csv", "json"].contains(&extension.as_str()) {
+        let output = args.output.display();
+        bail!("{output}: found the extension {extension:?}, expected amc, bvh, csv or json");
     }
     let skeleton = import::read_skeleton(&args.skeleton, args.unit)?;
     let bytes = files::read(&args.clip)?;
@@ -53,6 +54,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
                 motion.wrap_angles(&skeleton);
                 export::bvh::write(&mut file, &skeleton, &motion)
             }
+            "json" => export::servo_json::write(&mut file, &skeleton, &motion),
             _ => export::csv::write(&mut file, &skeleton, &motion),
         }
         .with_context(|| format!("cannot write {}", args.output.display()))
