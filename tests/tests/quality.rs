@@ -1,7 +1,9 @@
 //! What `encode`, `compare` and `puppet check` say of a clip's errors, against recordings whose right answer is known.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::bunraku;
+use bunraku_tests::{bunraku, motion, trials, workspace};
+use host_sim::rd::{Named, resample};
+use mocap::export::amc::{self, Rotations};
 use serde_json::Value;
 use std::fmt::Write;
 use std::fs;
@@ -230,4 +232,39 @@ fn a_joint_that_cannot_do_it_is_named_with_what_it_does() {
         run(bunraku().arg("compare").arg(&recording).arg(&clip).arg("--puppet").arg(&file).arg("--json"));
     let compared: Value = serde_json::from_slice(&compared.stdout).unwrap();
     assert_eq!(compared["joints"], report["joints"]);
+}
+
+/// docs/RESULTS.md, "Clips for a puppet".
+#[test]
+fn twenty_channels_take_an_eighth_of_int16_and_a_twentieth_of_blenders_frames() {
+    if motion().is_none() {
+        return;
+    }
+    let folder = Folder::new();
+    let puppet = workspace().join("puppets/cmu-20.toml");
+    let (mut bytes, mut seconds) = (0.0, 0.0);
+    for (recording, skeleton) in trials().unwrap() {
+        let clip = mocap::import::load(&recording, Some(&skeleton), None).unwrap();
+        let Named { clip, .. } = resample(Named { name: String::new(), clip }, 60.0).unwrap();
+        let mut text = Vec::new();
+        amc::write(&mut text, &clip.skeleton, &clip.motion, Rotations::AsTheyAre).unwrap();
+        let recording = folder.file("recording.amc", std::str::from_utf8(&text).unwrap());
+        let arguments =
+            ["--fps", "60", "--skeleton", skeleton.to_str().unwrap(), "--puppet", puppet.to_str().unwrap()];
+        let (_, report, _) = folder.encode(&recording, &arguments);
+        let joints = report["joints"].as_array().unwrap();
+        assert_eq!(joints.len(), 20);
+        for joint in joints {
+            let within = number(joint, "rms") <= 0.25 && number(&joint["worst"], "value") <= 2.0;
+            // What the joint's limits keep it from, the clip has nevertheless.
+            assert!(
+                within || number(joint, "clip_rms") < 0.26 && number(joint, "clip_worst") < 2.0,
+                "{joint}"
+            );
+        }
+        bytes += number(&report, "bytes");
+        seconds += number(&report, "frames") / 60.0;
+    }
+    let rate = bytes / seconds / 20.0;
+    assert!((10.0..16.5).contains(&rate), "{rate} bytes a second and servo");
 }

@@ -1,6 +1,8 @@
 //! The table of a puppet's joints in a clip: what `encode`, `compare`, `play` and `puppet check` say of them.
 
 use anyhow::{Context, Result};
+use firmware::decoder_list::SingleClip;
+use firmware::library::Library;
 use host_sim::clip::Clip;
 use host_sim::puppet::joint_errors::{Asked, JointBounds, JointError, Recorded};
 use puppet_file::{Channels, Map, Puppet, Unit};
@@ -38,20 +40,22 @@ impl Table {
         Self { rows: rows.collect() }
     }
 
-    /// Of a clip alone: what the limits of the joints make of it.
+    /// Of a clip alone, at a rate in hundredths of a hertz: what the limits of the joints make of it.
     ///
     /// # Errors
     /// Where clip and map do not fit together.
     pub fn of_clip(
         path: &Path,
         clip: &Clip<'_>,
+        centihertz: u16,
         puppet: &Puppet,
         map: &Map,
         channels: &Channels,
     ) -> Result<Self> {
         let errors = || {
-            let asked = clip.decode(|frames| Asked::of(frames, map))?;
-            clip.decode(|frames| asked.errors(frames))
+            let asked = clip
+                .decode(|frames| Asked::of(&mut SingleClip::new(frames, Some(centihertz)).open(0)?, map))?;
+            clip.decode(|frames| asked.errors(&mut SingleClip::new(frames, Some(centihertz)).open(0)?))
         };
         let errors = errors().with_context(|| format!("cannot play {}", path.display()))?;
         Ok(Self::new(puppet, map, channels, errors))

@@ -1,5 +1,6 @@
 //! `bunraku play`: a clip on a puppet of virtual or real servos.
 
+use super::joints;
 use anyhow::{Context, Result, bail};
 use host_sim::board;
 use host_sim::clip::Clip;
@@ -76,8 +77,11 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let name = args.clip.display();
     let clip = Clip::parse(&args.clip, &bytes)?;
     let centihertz = rate(&args.clip, &clip, args.fps)?;
-    let map = map(&args.clip, &clip, &args.puppet, args.skeleton)?;
+    let puppet = Puppet::read(&args.puppet)?;
+    let channels = channels::of_played(&args.clip, &clip, &puppet, args.skeleton)?;
+    let map = puppet.map(channels.clone())?;
 
+    let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
     let log = &mut |line: &str| eprintln!("{line}");
     let mut live = None;
     let played = match &args.on {
@@ -96,10 +100,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
             (recording, Some(Spent::of(cycles, asleep, rp2040js::CLOCK_HZ)))
         }),
         On::Port(port) => {
-            let names = Puppet::read(&args.puppet)?.bus_names();
-            let buses = ports::open(&map, &ports::paths(port, &names, |_| true)?)?;
+            let buses = ports::open(&map, &ports::paths(port, &puppet.bus_names(), |_| true)?)?;
             let asked = asked_to_end()?;
-            let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
             clip.decode(|frames| {
                 ports::play(frames, &map, rate, buses, &ports::ComputerClock::start(), asked, log)
             })
@@ -110,6 +112,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
             })
         }
     };
+    let joints = joints::Table::of_clip(&args.clip, &clip, rate, &puppet, &map, &channels)?;
     let (recording, spent) = played.with_context(|| format!("cannot play {name}"))?;
     if let Some(log) = &args.log {
         write_log(log, &recording)?;
@@ -125,6 +128,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
             "late_ticks": live.as_ref().map(|live| live.late),
             "longest_bus_ms": live.as_ref().map(|live| live.longest.as_secs_f64() * 1e3),
             "state": live.as_ref().map(|live| format!("{:?}", live.state)),
+            "joints": joints,
         });
         println!("{report:#}");
     } else {
@@ -152,6 +156,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
                 (spent.cycles - spent.asleep) as f64 / f64::from(recording.ticks.max(1)),
             );
         }
+        println!("The whole clip, as the player tells the servos:");
+        joints.print();
     }
     Ok(ExitCode::SUCCESS)
 }
