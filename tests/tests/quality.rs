@@ -2,8 +2,6 @@
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{bunraku, motion, trials, workspace};
-use host_sim::rd::{Named, resample};
-use mocap::export::amc::{self, Rotations};
 use serde_json::Value;
 use std::fmt::Write;
 use std::fs;
@@ -46,7 +44,7 @@ fn said(output: &Output) -> String {
 }
 
 fn compare(recording: &Path, clip: &Path) -> Value {
-    let output = run(bunraku().arg("compare").arg(recording).arg(clip).arg("--json"));
+    let output = run(bunraku().arg("compare").arg(recording).arg(clip).args(["--unit", "cm", "--json"]));
     assert!(output.status.success(), "{}", said(&output));
     serde_json::from_slice(&output.stdout).unwrap()
 }
@@ -85,7 +83,8 @@ fn bounds_hold_where_there_is_movement() {
     let folder = Folder::new();
     let recording = folder.file("nod.bvh", &bvh(["hips", "neck"], ZXY, &nods()));
     for (target, worst) in [(0.05, 0.5), (0.2, 2.0)] {
-        let (clip, _, said) = folder.encode(&recording, &["--target-error", &target.to_string()]);
+        let (clip, _, said) =
+            folder.encode(&recording, &["--unit", "cm", "--target-error", &target.to_string()]);
         assert_eq!(said, "");
         let report = compare(&recording, &clip);
         assert!(number(&report, "moving_joint_cm") <= target, "{report}");
@@ -183,10 +182,11 @@ fn a_puppets_joints_are_within_their_degrees_as_they_are_played() {
     let other = "channel = 'hips.rx'\nrange = [-60, 60]\nmax_speed = 600";
     let file = folder.file("puppet.toml", &puppet(&[("nod", FREE), ("bow", other)]));
     let puppet = ["--puppet", file.to_str().unwrap()];
+    let in_cm = ["--unit", "cm"];
     for (arguments, rms, worst) in
         [(&[][..], 0.25, 2.0), (&["--target-degrees", "1", "--worst-degrees", "1.5"][..], 1.0, 1.5)]
     {
-        let (clip, report, said) = folder.encode(&recording, &[&puppet[..], arguments].concat());
+        let (clip, report, said) = folder.encode(&recording, &[&puppet[..], &in_cm, arguments].concat());
         assert_eq!(said, "");
         let nod = &report["joints"][0];
         assert!(number(nod, "rms") <= rms && number(&nod["worst"], "value") <= worst, "{nod}");
@@ -218,7 +218,8 @@ fn a_joint_that_cannot_do_it_is_named_with_what_it_does() {
     let recording = folder.file("nod.bvh", &bvh(["hips", "neck"], ZXY, &nods()));
     let short = "channel = 'neck.rx'\nrange = [-60, 10]\nmax_speed = 600";
     let file = folder.file("puppet.toml", &puppet(&[("nod", FREE), ("short", short)]));
-    let (clip, report, said) = folder.encode(&recording, &["--puppet", file.to_str().unwrap()]);
+    let (clip, report, said) =
+        folder.encode(&recording, &["--unit", "cm", "--puppet", file.to_str().unwrap()]);
     let [nod, short] = [0, 1].map(|index| &report["joints"][index]);
     assert!(number(nod, "rms") <= 0.25, "{nod}");
     assert!(
@@ -244,13 +245,8 @@ fn twenty_channels_take_an_eighth_of_int16_and_a_twentieth_of_blenders_frames() 
     let puppet = workspace().join("puppets/cmu-20.toml");
     let (mut bytes, mut seconds) = (0.0, 0.0);
     for (recording, skeleton) in trials().unwrap() {
-        let clip = mocap::import::load(&recording, Some(&skeleton), None).unwrap();
-        let Named { clip, .. } = resample(Named { name: String::new(), clip }, 60.0).unwrap();
-        let mut text = Vec::new();
-        amc::write(&mut text, &clip.skeleton, &clip.motion, Rotations::AsTheyAre).unwrap();
-        let recording = folder.file("recording.amc", std::str::from_utf8(&text).unwrap());
-        let arguments =
-            ["--fps", "60", "--skeleton", skeleton.to_str().unwrap(), "--puppet", puppet.to_str().unwrap()];
+        let files = [&skeleton, &puppet].map(|path| path.to_str().unwrap());
+        let arguments = ["--rate", "120", "--fps", "60", "--skeleton", files[0], "--puppet", files[1]];
         let (_, report, _) = folder.encode(&recording, &arguments);
         let joints = report["joints"].as_array().unwrap();
         assert_eq!(joints.len(), 20);
