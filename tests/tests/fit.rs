@@ -1,4 +1,4 @@
-//! Clips that are made for a puppet: its joints' channels alone, and no skeleton from then on.
+//! Clips that are made for a puppet: the values of its joints, and no skeleton from then on.
 #![allow(clippy::unwrap_used)]
 
 use bunraku_tests::{bunraku, workspace};
@@ -91,24 +91,59 @@ fn a_puppets_clip_moves_it_as_the_whole_one_does_and_needs_no_skeleton() {
         moved |= (expected - 2048).abs() > 300;
     }
     assert!(moved, "the puppet waves");
+    // On the skeleton it has nothing to say: its channels are the puppet's joints.
+    let mut decode = bunraku();
+    decode.arg("decode").arg(&fitted).arg("--skeleton").arg(files.path("sample.asf"));
+    let said = refused(decode.arg("-o").arg(files.path("back.csv")));
+    assert!(said.contains("the skeleton has no joint \"waist turn\""), "{said}");
+}
 
-    // Back on the skeleton, what the puppet does not follow is 0.
-    let csv = files.path("back.csv");
-    ok(bunraku()
-        .arg("decode")
-        .arg(&fitted)
-        .arg("--skeleton")
-        .arg(files.path("sample.asf"))
-        .arg("-o")
-        .arg(&csv));
-    let text = fs::read_to_string(csv).unwrap();
-    let mut lines = text.lines();
-    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let column = |name: &str| names.iter().position(|own| own.contains(name)).unwrap();
-    let (still, moving) = (column("root.tz"), column("rhumerus.rx"));
-    let value = |line: &str, column: usize| line.split(',').nth(column).unwrap().parse::<f64>().unwrap();
-    assert!(lines.clone().all(|line| value(line, still) == 0.0));
-    assert!(lines.any(|line| value(line, moving).abs() > 10.0));
+/// A recording that asks for more than the joint can do: what is cut is told, in the table and as JSON.
+#[test]
+fn what_a_puppet_cannot_do_is_told_once_for_each_joint() {
+    let files = Files::new();
+    let text = fs::read_to_string(puppet()).unwrap();
+    let narrow = files.path("narrow.toml");
+    let lift = "channel = \"rhumerus.rz\"\nid = 4\nrange = [-150, 30]";
+    assert!(text.contains(lift));
+    fs::write(&narrow, text.replace(lift, &lift.replace("[-150, 30]", "[-50, 30]"))).unwrap();
+    let mut encode = bunraku();
+    encode.arg("encode").arg(files.path("sample.amc")).arg("--skeleton").arg(files.path("sample.asf"));
+    encode.arg("--puppet").arg(&narrow).arg("--json").arg("-o").arg(files.path("narrow.mclip"));
+    let output = encode.output().unwrap();
+    assert!(output.status.success());
+    let said = String::from_utf8(output.stderr).unwrap();
+    let row = said.lines().find(|line| line.starts_with("right shoulder lift")).unwrap();
+    assert!(row.contains("-50.0 to ") && row.contains("times, "), "{row}");
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let joints = report["fit"]["joints"].as_array().unwrap();
+    let of = |name: &str| joints.iter().find(|joint| joint["name"] == name).unwrap();
+    let (cut, whole) = (&of("right shoulder lift")["out_of_range"], &of("right elbow")["out_of_range"]);
+    assert!(cut["most"].as_f64().unwrap() > 20.0 && cut["times"].as_u64().unwrap() >= 1, "{cut}");
+    assert!(whole.is_null(), "{whole}");
+}
+
+/// `--smooth`: what a clip asks is then within speed and acceleration at every tick of the player.
+#[test]
+fn a_smoothed_clip_is_within_its_joints_limits() {
+    let files = Files::new();
+    let slow = files.path("slow.toml");
+    let text = fs::read_to_string(puppet()).unwrap();
+    fs::write(&slow, text.replace("max_speed = 450", "max_speed = 60\nmax_acceleration = 1500")).unwrap();
+    let unmet = |name: &str, arguments: &[&str]| {
+        let clip = files.encode(name, &[&["--puppet", slow.to_str().unwrap()], arguments].concat());
+        let mut check = bunraku();
+        check.args(["puppet", "check"]).arg(&slow).arg("--clip").arg(clip).arg("--json");
+        let report: Value = serde_json::from_str(&ok(&mut check)).unwrap();
+        let of = |joint: &Value| {
+            let demand = &joint["demand"];
+            demand["too_fast"].as_u64().unwrap() + demand["too_sudden"].as_u64().unwrap()
+        };
+        report["joints"].as_array().unwrap().iter().map(of).sum::<u64>()
+    };
+    let fine = ["--codec", "dpcm", "--target-error", "0.001"];
+    assert!(unmet("fast.mclip", &fine) > 100);
+    assert_eq!(unmet("smooth.mclip", &[&fine[..], &["--smooth"]].concat()), 0);
 }
 
 #[test]
@@ -140,9 +175,9 @@ fn clips_of_other_channels_are_refused_by_name_or_number() {
     let fitted = files.encode("fitted.mclip", &["--puppet", puppet_path.to_str().unwrap()]);
     let text = fs::read_to_string(&puppet_path).unwrap();
     let other = files.path("other.toml");
-    fs::write(&other, text.replace("head.ry", "head.rx")).unwrap();
+    fs::write(&other, text.replace("\"head turn\"", "\"gaze\"")).unwrap();
     let said = refused(&mut play(&fitted, &other));
-    assert!(said.contains("line 18, key \"channel\": \"head.rx\" is no channel of the clip"), "{said}");
+    assert!(said.contains("line 18, key \"channel\": the clip has no joint \"head\""), "{said}");
     // A .qmd names nothing: its number of channels has to do.
     let whole = files.encode("whole.qmd", &[]);
     let said = refused(&mut play(&whole, &puppet()));

@@ -14,9 +14,10 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The crates whose files are checked, by their folder.
-const CRATES: [&str; 9] = [
+const CRATES: [&str; 10] = [
     "decoder-core",
     "encoder",
+    "encoder/fit",
     "encoder/mocap",
     "firmware",
     "firmware/servo-wire",

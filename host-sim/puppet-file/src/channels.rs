@@ -107,7 +107,7 @@ impl Channels {
     pub(crate) fn may_be_fitted(&self) -> bool {
         let mut joints = BTreeSet::new();
         let fits = |name: &str| name.ends_with(".rx") || name.ends_with(".tx");
-        self.owner != Owner::Skeleton && self.names().all(|name| fits(name) && joints.insert(joint_of(name)))
+        self.names().all(|name| fits(name) && joints.insert(joint_of(name)))
     }
 
     /// How many there are.

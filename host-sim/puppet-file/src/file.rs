@@ -56,7 +56,6 @@ pub(crate) struct BusEntry {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(dead_code, reason = "fit, which reads them, is not there yet")]
 pub(crate) struct ChainEntry {
     pub(crate) name: Spanned<String>,
     pub(crate) bone: Spanned<String>,
@@ -66,7 +65,6 @@ pub(crate) struct ChainEntry {
 /// The rotation of one bone against another about an axis.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(dead_code, reason = "fit, which reads them, is not there yet")]
 pub(crate) struct TurnEntry {
     pub(crate) bone: Spanned<String>,
     pub(crate) against: Spanned<String>,

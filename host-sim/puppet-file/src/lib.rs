@@ -52,6 +52,7 @@ mod joint;
 mod map;
 pub mod models;
 mod place;
+mod plan;
 mod puppet;
 
 pub use bus_kind::bus_kind;

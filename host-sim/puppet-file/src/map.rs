@@ -376,10 +376,11 @@ mod tests {
             [("other.rx", Unit::Degree), ("elbow.rx", Unit::Degree)]
                 .map(|(name, unit)| (name.to_owned(), unit))
         };
-        let of = |owner| puppet.map(Channels::new(owner, fitted()));
-        assert_eq!(at(&of(Owner::Clip).unwrap()), (1, 2048, 1024, 1934, 1934));
-        // A skeleton's channel of the same name is another thing.
-        assert!(of(Owner::Skeleton).is_err());
+        let map = puppet.map(Channels::new(Owner::Clip, fitted())).unwrap();
+        assert_eq!(at(&map), (1, 2048, 1024, 1934, 1934));
+        // Beside other channels a name says nothing.
+        let other = [("root.ty".to_owned(), Unit::Centimetre)];
+        assert!(puppet.map(Channels::new(Owner::Clip, fitted().into_iter().chain(other))).is_err());
     }
 
     #[test]

@@ -1,13 +1,12 @@
 //! A puppet.toml that was read.
 
-use crate::channels::{Channels, Owner, joint_of};
+use crate::channels::{Channels, Owner};
 use crate::error::{Error, Problem};
 use crate::file::{File, JointEntry};
 use crate::models;
 use crate::place::Place;
 use firmware::map::{BusKind, BusSpec, Joint, MAX_BUSES};
 use heapless::Vec as HeaplessVec;
-use mocap::Clip;
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -142,30 +141,6 @@ impl Puppet {
     /// Whether the puppet plays clips that were made for it alone: a joint follows something else than a channel.
     pub fn needs_fit(&self) -> bool {
         self.file.joint.iter().any(|entry| entry.channel.is_none())
-    }
-
-    /// The part of a recording that the joints follow: their channels, those of a skeleton's joint together.
-    ///
-    /// # Errors
-    /// A channel that the recording does not have.
-    pub fn followed(&self, recording: &Clip) -> Result<Clip, Error> {
-        let all = Channels::from(&recording.skeleton);
-        let mut kept = Vec::new();
-        for entry in &self.file.joint {
-            let Some(name) = &entry.channel else { return Err(self.wrong(&entry.name, Problem::NotFitted)) };
-            let found = all.find(name.get_ref());
-            let (index, _) = found.map_err(|missing| self.wrong(name, missing))?;
-            if !kept.contains(&index) {
-                kept.push(index);
-            }
-        }
-        let first = |index: &usize| {
-            kept.iter().position(|other| joint_of(all.name(*other)) == joint_of(all.name(*index)))
-        };
-        let mut ordered = kept.clone();
-        ordered.sort_by_key(first);
-        let motion = recording.motion.with_channels(&ordered);
-        Ok(Clip { skeleton: recording.skeleton.with_channels(&ordered), motion })
     }
 
     /// The number of a joint's bus.

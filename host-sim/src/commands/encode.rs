@@ -1,6 +1,7 @@
 //! `bunraku encode`: motion capture in, a compressed clip out.
 
 use super::codec;
+use super::fit_table;
 use super::input::{self, Quality, is_mclip};
 use super::joints;
 use anyhow::{Context, Result};
@@ -116,7 +117,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if let Some(bits) = args.bits.filter(|bits| !(low..=high).contains(bits)) {
         usage(&format!("{output}: --bits is {bits}, expected {low} to {high}"));
     }
-    let clip = args.source.load(&args.input)?;
+    let (clip, fitted) = args.source.load_fitted(&args.input)?;
+    if let Some(report) = &fitted {
+        eprint!("{}", fit_table::table(report));
+    }
     let puppet = args.source.puppet.as_deref().map(Puppet::read).transpose()?;
     let in_degrees = in_blocks
         && args.bits.is_none()
@@ -141,6 +145,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let report = serde_json::json!({
             "output": args.output, "frames": frames, "channels": channels, "fps": clip.motion.fps,
             "bytes": bytes.len(), "ratio_f32": ratio, "bits_per_s": rate, "codec": codec.name(), "joints": joints,
+            "fit": fitted,
         });
         println!("{report:#}");
     } else {

@@ -2,8 +2,9 @@
 
 use super::frames::FrameRange;
 use super::same_channels;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use encoder::qmd::Method;
+use fit::Report;
 use host_sim::files;
 use mocap::Clip;
 use mocap::import::{self, Imported, Options, Unit};
@@ -30,15 +31,24 @@ pub struct Source {
     /// Only these frames, from 0 on and the last one left out: `1..` leaves out the first, which is often a T-pose.
     #[arg(long, value_name = "FIRST..END")]
     frames: Option<FrameRange>,
-    /// Only the channels that this puppet's joints follow, in its order. Such a clip needs no skeleton to be played, and is all that the
-    /// puppet's controller has to hold and decode. Errors are those of the skeleton's joints with all else at rest.
+    /// Fit the motion to this puppet: one channel for each of its joints, in degrees (cm for translations) within the joint's
+    /// range. Such a clip needs no skeleton to be played, and is all that the puppet's controller has to hold and decode. An
+    /// error of 1 cm is 1 degree of a joint.
     #[arg(long, value_name = "PUPPET.toml")]
     pub puppet: Option<PathBuf>,
+    /// Bring each of the puppet's joints within its speed and acceleration first, without delay.
+    #[arg(long, requires = "puppet")]
+    smooth: bool,
 }
 
 impl Source {
-    /// The motion in a .amc or .bvh file.
+    /// The motion in a .amc or .bvh file, fitted to the puppet where there is one.
     pub fn load(&self, path: &Path) -> Result<Clip> {
+        Ok(self.load_fitted(path)?.0)
+    }
+
+    /// As [`load`](Self::load), and what the puppet cannot do of it.
+    pub fn load_fitted(&self, path: &Path) -> Result<(Clip, Option<Report>)> {
         if is_clip(path) {
             bail!("{} is a compressed clip, expected a motion (.amc or .bvh)", path.display());
         }
@@ -62,10 +72,13 @@ impl Source {
         if let Some(frames) = self.frames {
             clip.motion = frames.of(path, &clip.motion)?;
         }
-        match &self.puppet {
-            Some(puppet) => Ok(Puppet::read(puppet)?.followed(&clip)?),
-            None => Ok(clip),
-        }
+        let Some(puppet) = &self.puppet else { return Ok((clip, None)) };
+        let plan = Puppet::read(puppet)?.plan(&clip.skeleton).map_err(|mistakes| {
+            let sentences: Vec<String> = mistakes.iter().map(ToString::to_string).collect();
+            anyhow!(sentences.join("\nbunraku: "))
+        })?;
+        let fitted = fit::fit(&plan, &clip, self.smooth);
+        Ok((fitted.clip, Some(fitted.report)))
     }
 
     /// The motion in a .amc, .bvh, .qmd or .mclip file on the skeleton of `reference`, whose channels it must have, in any order

@@ -8,6 +8,7 @@ pub mod demo;
 pub mod device;
 pub mod emulate;
 pub mod encode;
+mod fit_table;
 pub mod follow;
 mod frames;
 pub mod image;

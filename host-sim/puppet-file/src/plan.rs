@@ -1,0 +1,159 @@
+//! From a puppet.toml and a skeleton to what fit is asked for.
+
+use crate::channels::Channels;
+use crate::error::{Error, Mistakes, Problem};
+use crate::file::{JointEntry, TurnEntry};
+use crate::puppet::Puppet;
+use firmware::limits::FINE_BITS;
+use fit::{Bones, Chain, Follows, Joint, Plan, Turn};
+use mocap::Skeleton;
+use mocap::body::{Body, Part};
+use toml::Spanned;
+
+/// What a bone is called that is none: turns against it are turns of the figure in the room.
+const WORLD: &str = "world";
+
+/// Names that are told where a bone is not found.
+const MOST_TOLD: usize = 24;
+
+impl Puppet {
+    /// What fit is asked for, for recordings of a skeleton.
+    ///
+    /// # Errors
+    /// Every mistake there is: those that [`check`](Self::check) gives, and channels and bones that the skeleton has not.
+    pub fn plan(&self, skeleton: &Skeleton) -> Result<Plan, Vec<Error>> {
+        let map = self.channels().map_err(|mistake| vec![mistake]).and_then(|own| self.check(own))?;
+        let mut mistakes = Mistakes::default();
+        let figure = Figure { skeleton, body: Body::of(skeleton), channels: Channels::from(skeleton) };
+        let chains = self.file.chain.iter().filter_map(|chain| {
+            let bones = mistakes.note(figure.bones(self, &chain.bone, &chain.against))?;
+            Some(Chain { name: chain.name.get_ref().clone(), bones })
+        });
+        let chains: Vec<Chain> = chains.collect();
+        let mut joints = Vec::new();
+        for (index, entry) in self.file.joint.iter().enumerate() {
+            let follows = mistakes.note(self.followed(entry, &figure));
+            let offset = mistakes.note(self.offset(entry));
+            let own = mistakes.note(self.own_channel(entry));
+            // Of the puppet's own channels each joint has the one with its number.
+            let joint = map.joints().iter().find(|joint| usize::from(joint.channel) == index);
+            let (Some(follows), Some(offset), Some((_, unit)), Some(joint)) = (follows, offset, own, joint)
+            else {
+                continue;
+            };
+            let scale = joint.scale.to_num::<f64>();
+            let value = |goal: i32| f64::from(goal - joint.zero) / scale;
+            let (one, other) = (value(joint.min), value(joint.max));
+            let per_tick = |fine: i32| f64::from(fine) / f64::from(1 << FINE_BITS) / scale.abs();
+            let hz = f64::from(map.tick_hz());
+            joints.push(Joint {
+                name: entry.name.get_ref().clone(),
+                follows,
+                is_rotation: unit == crate::channels::Unit::Degree,
+                offset,
+                range: [one.min(other), one.max(other)],
+                max_speed: per_tick(joint.max_velocity) * hz,
+                max_acceleration: per_tick(joint.max_acceleration) * hz * hz,
+            });
+        }
+        if mistakes.is_empty() { Ok(Plan { joints, chains }) } else { Err(mistakes.into()) }
+    }
+
+    fn followed(&self, entry: &JointEntry, figure: &Figure<'_>) -> Result<Follows, Error> {
+        if let Some(name) = &entry.channel {
+            let found = figure.channels.find(name.get_ref());
+            return Ok(Follows::Channel(found.map_err(|missing| self.wrong(name, missing))?.0));
+        }
+        if let (Some(name), Some(axis)) = (&entry.chain, &entry.axis)
+            && let Some(chain) = self.chain_number(name.get_ref())
+        {
+            return Ok(Follows::Chain { chain, axis: axis.get_ref().0 });
+        }
+        let turn = |turn: &TurnEntry| {
+            let bones = figure.bones(self, &turn.bone, &turn.against)?;
+            Ok((Turn { bones, axis: turn.axis.0 }, self.weight(turn)?))
+        };
+        let turns = entry.turn.iter().chain(entry.sum.iter().flatten());
+        Ok(Follows::Turns(turns.map(turn).collect::<Result<_, _>>()?))
+    }
+}
+
+/// A skeleton, and what is what in it.
+struct Figure<'s> {
+    skeleton: &'s Skeleton,
+    body: Body,
+    channels: Channels,
+}
+
+impl Figure<'_> {
+    fn bones(
+        &self,
+        puppet: &Puppet,
+        bone: &Spanned<String>,
+        against: &Spanned<String>,
+    ) -> Result<Bones, Error> {
+        let find = |name: &Spanned<String>| {
+            let found = self.body.find(self.skeleton, name.get_ref());
+            found.ok_or_else(|| puppet.wrong(name, self.missing(name.get_ref())))
+        };
+        let against = if against.get_ref() == WORLD { None } else { Some(find(against)?) };
+        Ok(Bones { bone: find(bone)?, against })
+    }
+
+    fn missing(&self, name: &str) -> Problem {
+        let mut joints: Vec<&str> = self.skeleton.joints.iter().map(|joint| joint.name.as_str()).collect();
+        joints.sort_by_cached_key(|own| strsim::levenshtein(name, own));
+        let parts = Part::ALL.into_iter().filter(|part| self.body.joint(*part).is_some()).map(Part::name);
+        let known = parts.chain(joints.into_iter().take(3).map(ToOwned::to_owned)).take(MOST_TOLD).collect();
+        Problem::NoBone { name: name.to_owned(), known }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn plan(joints: &str) -> Result<Plan, Vec<Error>> {
+        let text = format!("servo_hz = 50\nbaud = 1\n{joints}");
+        Puppet::parse(Path::new("puppet.toml"), text).unwrap().plan(&mocap::sample::clip().skeleton)
+    }
+
+    const ELBOW: &str = "[[joint]]\nname = 'elbow'\nid = 3\nrange = [10, 90]\nmax_speed = 90\n";
+
+    #[test]
+    fn names_become_bones_and_goals_become_degrees() {
+        let turn = "turn = { bone = 'right forearm', against = 'rhumerus', axis = '-y' }\noffset = 20\n";
+        let plan = plan(&format!("{ELBOW}{turn}")).unwrap();
+        let skeleton = mocap::sample::clip().skeleton;
+        let joint = |name: &str| skeleton.joints.iter().position(|joint| joint.name == name).unwrap();
+        let bones = Bones { bone: joint("rradius"), against: Some(joint("rhumerus")) };
+        let [elbow] = plan.joints.as_slice() else { panic!("{plan:?}") };
+        let turn = Turn { bones, axis: [0.0, -1.0, 0.0] };
+        assert_eq!(elbow.follows, Follows::Turns(vec![(turn, 1.0)]));
+        assert!((elbow.range[0] - 10.0).abs() < 0.05 && (elbow.range[1] - 90.0).abs() < 0.05, "{elbow:?}");
+        assert!(
+            (elbow.max_speed - 90.0).abs() < 0.1 && (elbow.max_acceleration - 1800.0).abs() < 5.0,
+            "{elbow:?}"
+        );
+        assert!(elbow.is_rotation && elbow.offset == 20.0);
+    }
+
+    #[test]
+    fn every_bone_that_there_is_not_is_told() {
+        let tail = "turn = { bone = 'tail', against = 'world', axis = 'y' }\n";
+        let sum = "sum = [{ bone = 'head', against = 'nek', axis = 'y' }]\n";
+        let other = ELBOW.replace("elbow", "other").replace("id = 3", "id = 4");
+        let mistakes = plan(&format!("{ELBOW}{tail}{other}{sum}")).unwrap_err();
+        let sentences: Vec<String> = mistakes.iter().map(ToString::to_string).collect();
+        assert_eq!(sentences.len(), 2, "{sentences:#?}");
+        assert!(
+            sentences[0].contains("line 8, key \"turn\": the skeleton has no bone \"tail\"; it has hips")
+        );
+        assert!(
+            sentences[1].contains("line 14, key \"sum\": the skeleton has no bone \"nek\""),
+            "{}",
+            sentences[1]
+        );
+    }
+}
