@@ -10,7 +10,7 @@ use crate::map::{Joint, JointMap, MapError};
 use core::cell::RefCell;
 use decoder_core::{Error, I16F16};
 use heapless::Vec;
-use servo_wire::blender::Parser;
+use servo_wire::blender::{FRAME_LEN, Parser};
 
 /// The map on which joint `n` follows channel `n`, whose values are goals counted from the joint's `zero`.
 ///
@@ -30,6 +30,16 @@ pub struct Counters {
     pub frames: u32,
     /// Frames for others, which are ignored.
     pub foreign: u32,
+    /// Bytes, whether of frames or not.
+    pub bytes: u32,
+}
+
+impl Counters {
+    /// Bytes that are of no frame. Up to four of them may begin one that is still to come.
+    pub const fn skipped(&self) -> u32 {
+        let frames = self.frames.saturating_add(self.foreign);
+        self.bytes.saturating_sub(frames.saturating_mul(FRAME_LEN as u32))
+    }
 }
 
 #[derive(Debug)]
@@ -67,6 +77,7 @@ impl<'m, const N: usize> Follow<'m, N> {
     pub fn feed(&self, bytes: &[u8]) {
         let Ok(mut state) = self.state.try_borrow_mut() else { return };
         let State { parser, pose, counters, silent, .. } = &mut *state;
+        counters.bytes = counters.bytes.saturating_add(bytes.len() as u32);
         for goal in bytes.iter().filter_map(|&byte| parser.feed(byte)) {
             let mut known = false;
             for (joint, slot) in self.map.joints().iter().zip(pose.iter_mut()) {
@@ -247,8 +258,13 @@ mod tests {
         let map = map();
         let follow = Follow::new(&map, 500);
         let (told, state, _) = play(&map, &follow, 300, |_, _, follow| send(follow, 8, 1500));
-        assert_eq!((state, follow.counters()), (State::Opening, Counters { frames: 0, foreign: 300 }));
+        assert_eq!(
+            (state, follow.counters()),
+            (State::Opening, Counters { frames: 0, foreign: 300, bytes: 1500 })
+        );
         assert!(told.iter().all(|goals| *goals == [2000, 1000]));
+        follow.feed(b"<<\x01>noise");
+        assert_eq!(follow.counters().skipped(), 9);
         let (told, state, fault) = play(&map, &follow, 500, |_, _, follow| send(follow, 3, 2900));
         assert_eq!((state, fault), (State::Playing, None));
         smooth(&told);

@@ -1,8 +1,8 @@
 //! Files in and out: errors name the file, and an output appears whole or not at all.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Error, Result, anyhow};
 use std::fs;
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::Path;
 
 /// Reads a whole file.
@@ -28,12 +28,22 @@ pub fn write(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> R
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
-    let file = builder.tempfile_in(folder).with_context(failed)?;
-    let mut buffer = BufWriter::new(file);
+    let file = builder.tempfile_in(folder).map_err(|error| not_there(folder, &error)).with_context(failed)?;
+    // The file itself and not `tempfile`'s, whose errors name the temporary file.
+    let mut buffer = BufWriter::new(file.as_file());
     write(&mut buffer)?;
-    let file = buffer.into_inner().map_err(|error| error.into_error()).with_context(failed)?;
+    buffer.flush().with_context(failed)?;
+    drop(buffer);
     file.persist(path).map_err(|error| error.error).with_context(failed)?;
     Ok(())
+}
+
+/// Why no file can be made in a folder, without the temporary file's name, which is in what `tempfile` says.
+fn not_there(folder: &Path, error: &io::Error) -> Error {
+    match error.kind() {
+        ErrorKind::NotFound => anyhow!("there is no folder {}", folder.display()),
+        kind => anyhow!("no file can be made in {}: {kind}", folder.display()),
+    }
 }
 
 #[cfg(test)]
@@ -58,6 +68,16 @@ mod tests {
     fn errors_name_the_file() {
         assert!(format!("{:#}", read(Path::new("no/such.amc")).unwrap_err()).contains("no/such.amc"));
         let failed = write(Path::new("no/such/folder/out"), |_| Ok(()));
-        assert!(format!("{:#}", failed.unwrap_err()).contains("no/such/folder/out"));
+        let said = format!("{:#}", failed.unwrap_err());
+        assert_eq!(said, "cannot write no/such/folder/out: there is no folder no/such/folder");
+    }
+
+    #[test]
+    fn a_file_that_cannot_take_its_name_says_so_without_the_temporary_one() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("out")).unwrap();
+        let failed = write(&folder.path().join("out"), |file| Ok(file.write_all(b"new")?));
+        let said = format!("{:#}", failed.unwrap_err());
+        assert!(said.contains("/out: ") && !said.contains(".tmp"), "{said}");
     }
 }

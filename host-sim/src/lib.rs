@@ -13,6 +13,7 @@
 //! | [`puppet`] | holds a puppet against a clip: channels, limits, time on its buses; writes what was calibrated |
 //! | [`play`] | plays a clip on virtual servos: here, on a simulated core, under QEMU, on an emulated Pico |
 //! | [`ports`] | plays a clip on servos on serial ports of this machine |
+//! | [`live_frames`] | takes the live frames of the Blender add-on, which [`ports`] follows |
 //! | [`puppet_servos`] | the virtual servos of a puppet, and what happens to them in a show |
 //! | [`show`] | plays a show of several clips, and reports it |
 //! | [`device`], [`flash`] | a virtual device: the firmware with clips in virtual flash, which a host talks to |
@@ -33,6 +34,7 @@ pub mod filmstrip;
 pub mod flash;
 pub mod image;
 pub mod link;
+pub mod live_frames;
 pub mod peers;
 pub mod play;
 pub mod plot;

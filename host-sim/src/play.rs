@@ -10,13 +10,10 @@ use crate::rp2040js;
 use anyhow::{Context, Result, anyhow, bail};
 use firmware::bus::BoardBuses;
 use firmware::control_loop::{Surroundings, control_loop};
-use firmware::decoder_list::SingleClip;
 use firmware::fault::Feedback;
-use firmware::frames::Frames;
 use firmware::library::Library;
-use firmware::machine::{Machine as Puppet, Show, Start};
+use firmware::machine::Machine as Puppet;
 use firmware::map::{BusKind, MAX_SERVOS};
-use firmware::playback::Playback;
 use puppet_file::Map;
 use servo_wire::bus::ServoBus;
 use servo_wire::dynamixel::bus::DynamixelBus;
@@ -32,10 +29,16 @@ use thumb_cycles::{Core, Image, Machine, Usage};
 use virtual_servos::hobby::HobbyBoard;
 use virtual_servos::uart::{InProcessUart, ZeroDelay};
 
+mod notes;
+mod performance;
 mod recorder;
 mod recording;
 
+pub(crate) use notes::Notes;
+pub use notes::{Note, NoteKind};
+pub use performance::Performance;
 pub(crate) use recorder::Recorder;
+pub use recorder::has_servos_for;
 pub use recording::{Recording, Taken, seconds};
 
 /// Plays on this machine, as fast as it goes.
@@ -45,26 +48,42 @@ pub use recording::{Recording, Taken, seconds};
 /// # Errors
 /// Where clip and map do not fit together, or a servo refuses a goal.
 pub fn on_host(clip: &Clip<'_>, map: &Map, centihertz: u16) -> Result<Recording> {
-    clip.decode(|decoder| record(decoder, map, rate(clip, centihertz)))
+    let performed = perform(&Performance::of(clip, centihertz), map)?;
+    match performed.failed {
+        Some(error) => Err(error),
+        None => Ok(performed.recording),
+    }
+}
+
+/// What playing on this machine came to.
+#[derive(Debug)]
+pub struct Performed {
+    /// What the servos were told.
+    pub recording: Recording,
+    /// What changed, in order.
+    pub notes: Vec<Note>,
+    /// Why it did not come to its end.
+    pub failed: Option<anyhow::Error>,
+}
+
+/// Plays on virtual servos here, as fast as it goes, from power on to rest.
+///
+/// # Errors
+/// Where clips and map do not fit together, or the servos are none that are here.
+pub fn perform(performance: &Performance<'_>, map: &Map) -> Result<Performed> {
+    performance.with_machine(map, |mut puppet| {
+        let mut watching = ToTheEnd(Notes::default());
+        let recorder = Recorder::with_pins(puppet.map())?;
+        let recorder = on_the_spot(&mut puppet, recorder, &mut watching)?;
+        let (recording, sound) = recorder.end();
+        let failed = puppet.fault().map(|fault| anyhow!("{fault}")).or(sound.err());
+        Ok(Performed { recording, notes: watching.0.all, failed })
+    })
 }
 
 /// The rate to play at.
 fn rate(clip: &Clip<'_>, centihertz: u16) -> u16 {
     if centihertz > 0 { centihertz } else { clip.rate_centihertz() }
-}
-
-/// Plays frames from power on to rest, and records what the servos are told.
-fn record(frames: &mut dyn Frames, map: &Map, rate: u16) -> Result<Recording> {
-    let frames =
-        Playback::new(frames, map, false, 0).map(Playback::into_frames).map_err(|(error, _)| error)?;
-    frames.approach(0);
-    let library = SingleClip::new(frames, Some(rate));
-    let mut puppet = Puppet::new(map, library, Show { playlist: &[0], ..Show::default() }, Start::Power);
-    let recorder = on_the_spot(&mut puppet, Recorder::with_pins(map)?, &mut ToTheEnd)?;
-    if let Some(fault) = puppet.fault() {
-        bail!("{fault}");
-    }
-    recorder.finish()
 }
 
 /// Drives a machine on virtual servos in no time.
@@ -101,7 +120,7 @@ pub fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
 }
 
 /// The timing of pins that give so many pulses a second.
-fn pwm_timing(hz: u32) -> Result<PwmTiming> {
+pub(crate) fn pwm_timing(hz: u32) -> Result<PwmTiming> {
     PwmTiming::of(hz).with_context(|| format!("PWM cannot give {hz} pulses a second, expected 40 to 400"))
 }
 
@@ -127,7 +146,7 @@ impl<L: Library, S: Surroundings<L, N>, F: FnMut(), const N: usize> Surroundings
 }
 
 /// Until the puppet rests, as fast as it goes.
-struct ToTheEnd;
+struct ToTheEnd(Notes);
 
 impl<L: Library, const N: usize> Surroundings<L, N> for ToTheEnd {
     async fn wait(&mut self, _: u32) -> bool {
@@ -135,6 +154,8 @@ impl<L: Library, const N: usize> Surroundings<L, N> for ToTheEnd {
     }
 
     fn control(&mut self, puppet: &mut Puppet<'_, L, N>, _: &Feedback<'_>) -> bool {
+        let tick = self.0.count(puppet);
+        self.0.look(tick, puppet);
         !puppet.at_rest()
     }
 
@@ -241,6 +262,7 @@ fn now<T>(future: impl Future<Output = T>) -> Result<T> {
 mod tests {
     use super::*;
     use encoder::qmd::{Method, Parameters, decode, encode};
+    use firmware::clock::Speed;
     use puppet_file::Puppet;
     use std::path::Path;
 
@@ -295,6 +317,42 @@ mod tests {
         let ticks = |rate| on_host(&clip, &map, rate).unwrap().ticks;
         // The way to the first pose and home is the same, up to the tick in which all servos rest.
         assert!((ticks(0) - ticks(12_000)).abs_diff(200) <= 2);
+    }
+
+    /// Ticks of the whole, and where each clip began and none played any more.
+    fn ticks_of(performance: &Performance<'_>, map: &Map) -> (u32, Vec<(String, u32)>) {
+        let performed = perform(performance, map).unwrap();
+        assert!(performed.failed.is_none());
+        let clips = performed.notes.iter().filter(|note| note.what == NoteKind::Clip);
+        (performed.recording.ticks, clips.map(|note| (note.text.clone(), note.tick)).collect())
+    }
+
+    /// 480 frames at 60 Hz are 400 ticks of 50 Hz; a fade is half a second, so 25 ticks, in which both clips play.
+    #[test]
+    fn clips_are_repeated_begun_later_and_played_at_another_speed() {
+        let (bytes, map, _) = sample();
+        let clip = Clip::parse(Path::new("clip.qmd"), &bytes).unwrap();
+        let once = || Performance::of(&clip, 0);
+        let (ticks, clips) = ticks_of(&once(), &map);
+        let played = |clips: &[(String, u32)]| clips[1].1 - clips[0].1;
+        assert_eq!(clips.iter().map(|(clip, _)| clip.as_str()).collect::<Vec<_>>(), ["0", ""]);
+        let fade = map.settings().fade_ticks();
+        for times in [2, 3] {
+            let (longer, clips) = ticks_of(&Performance { times, ..once() }, &map);
+            // The clip fades into itself, so that its number does not change.
+            assert_eq!(clips.len(), 2, "{clips:?}");
+            let more = (times - 1) * (400 - fade);
+            assert!((longer - ticks).abs_diff(more) <= 3 * times, "{longer} ticks, {ticks} once");
+        }
+        let (_, later) = ticks_of(&Performance { start: 240, ..once() }, &map);
+        assert!((played(&clips) - played(&later)).abs_diff(200) <= 2, "{later:?}");
+        let (_, slow) = ticks_of(&Performance { speed: Speed::new(128), ..once() }, &map);
+        // It takes 250 ms to come to that speed.
+        assert!((played(&slow) - played(&clips)).abs_diff(400) <= 20, "{slow:?}");
+        let named = |name: &str| (name.to_owned(), &clip);
+        let two = Performance { clips: vec![named("one"), named("two")], ..once() };
+        let (_, clips) = ticks_of(&two, &map);
+        assert_eq!(clips.iter().map(|(clip, _)| clip.as_str()).collect::<Vec<_>>(), ["0", "1", ""]);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! The servos that a `puppet.toml` names.
 
-use anyhow::{Context, anyhow, ensure};
+use anyhow::{Context, ensure};
 use firmware::map::BusKind;
-use puppet_file::models::{self, Model};
+use puppet_file::{NamedServo, Puppet};
 use serde::Deserialize;
 use std::path::Path;
 use toml::Table;
@@ -12,30 +12,6 @@ use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
 use virtual_servos::protocol1::Protocol1Servos;
 use virtual_servos::protocol1_models::Protocol1Family;
 use virtual_servos::virtual_bus::{Disturbance, VirtualBus};
-
-/// What servos need of a puppet; everything else in the file is for the player.
-#[derive(Deserialize)]
-struct Puppet {
-    #[serde(default)]
-    bus: Vec<Named>,
-    #[serde(default)]
-    joint: Vec<Joint>,
-}
-
-#[derive(Deserialize)]
-struct Named {
-    name: String,
-    #[serde(deserialize_with = "puppet_file::bus_kind")]
-    kind: BusKind,
-}
-
-#[derive(Deserialize)]
-struct Joint {
-    id: u8,
-    bus: Option<String>,
-    goal_range: Option<[i32; 2]>,
-    model: Option<Model>,
-}
 
 /// A bus of a puppet and the servos on it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -77,14 +53,29 @@ const fn protocol1_family(kind: BusKind) -> Option<Protocol1Family> {
     }
 }
 
-/// Reads the buses of a puppet and their servos: an `id` for each `[[joint]]`, and as position limits its `goal_range`
-/// where given. A puppet that names no `[[bus]]` has one of Dynamixel X.
+/// Reads the buses of a puppet and their servos: those of its joints, which stay within their `goal_range` where it is given.
 ///
 /// # Errors
-/// A sentence with the file and, for what is not TOML or no number, the line.
+/// A sentence with the file, the line and the key.
 pub fn read(path: &Path) -> anyhow::Result<Vec<ServedBus>> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    parse(&text).with_context(|| format!("{} does not describe servos", path.display()))
+    let puppet = Puppet::read(path)?;
+    let buses = puppet.bus_names().into_iter().zip(puppet.buses()?);
+    let mut buses: Vec<ServedBus> =
+        buses.map(|(name, bus)| ServedBus { name, kind: bus.kind, servos: Vec::new() }).collect();
+    for NamedServo { bus, id, model, goal_range, .. } in puppet.servos()? {
+        let bus = buses.get_mut(bus).context("a joint is on no bus that is there")?;
+        let most = protocol1_family(bus.kind).map_or(4095, |family| family.max_position(model));
+        let [one, other] = goal_range.unwrap_or([0, most]);
+        let (min_position, max_position) = (one.min(other), one.max(other));
+        let position = (most + 1) / 2;
+        bus.servos.push((ServoConfig { id, position, min_position, max_position }, model));
+    }
+    ensure!(
+        buses.iter().any(|bus| !bus.servos.is_empty()),
+        "{}: found no table [[joint]], expected one for each servo",
+        path.display()
+    );
+    Ok(buses)
 }
 
 #[derive(Deserialize)]
@@ -138,41 +129,27 @@ pub(crate) fn disturbance(event: Table) -> anyhow::Result<Disturbance> {
     Ok(disturbance)
 }
 
-fn parse(text: &str) -> anyhow::Result<Vec<ServedBus>> {
-    let puppet: Puppet = toml::from_str(text)?;
-    ensure!(!puppet.joint.is_empty(), "found no table [[joint]], expected one with an id for each servo");
-    let served = |bus: Named| ServedBus { name: bus.name, kind: bus.kind, servos: Vec::new() };
-    let mut buses: Vec<ServedBus> = puppet.bus.into_iter().map(served).collect();
-    if buses.is_empty() {
-        buses.push(served(Named { name: "bus".to_owned(), kind: BusKind::Dynamixel }));
-    }
-    for joint in puppet.joint {
-        let id = joint.id;
-        let bus = match (&joint.bus, buses.as_mut_slice()) {
-            (None, [only]) => Some(only),
-            (None, _) => None,
-            (Some(name), buses) => buses.iter_mut().find(|bus| bus.name == *name),
-        };
-        let bus = bus.with_context(|| format!("the joint with the id {id} is on no bus that is there"))?;
-        let model =
-            joint.model.map(|model| models::number(&model)).transpose().map_err(|why| anyhow!(why))?;
-        let most = protocol1_family(bus.kind).map_or(4095, |family| family.max_position(model));
-        let [one, other] = joint.goal_range.unwrap_or([0, most]);
-        let (min_position, max_position) = (one.min(other), one.max(other));
-        let position = (most + 1) / 2;
-        bus.servos.push((ServoConfig { id, position, min_position, max_position }, model));
-    }
-    Ok(buses)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Reads a puppet of these lines and joints, each of which has the lines of its own.
+    fn read_puppet(head: &str, joints: &[&str]) -> Result<Vec<ServedBus>, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("puppet.toml");
+        let mut text = format!("servo_hz = 50\n{head}\n");
+        for (number, own) in joints.iter().enumerate() {
+            let shared = format!("name = '{number}'\nchannel = 'a.rx'\nmax_speed = 90\n");
+            let range = if own.contains("goal_range") { "" } else { "range = [0, 10]\n" };
+            text += &["[[joint]]\n", &shared, range, own, "\n"].concat();
+        }
+        std::fs::write(&path, text).unwrap();
+        read(&path).map_err(|error| format!("{error:#}"))
+    }
+
     #[test]
     fn takes_ids_and_limits_and_leaves_the_rest_to_others() {
-        let text = "name = 'marionette'\n[[joint]]\nid = 7\nscale = 1.5\n[[joint]]\nid = 3\ngoal_range = [1000, 4095]\n";
-        let served = parse(text).unwrap();
+        let served = read_puppet("baud = 57600", &["id = 7", "id = 3\ngoal_range = [4095, 1000]"]).unwrap();
         let servos =
             [(ServoConfig::new(7), None), (ServoConfig { min_position: 1000, ..ServoConfig::new(3) }, None)];
         let bus = ServedBus { name: "bus".to_owned(), kind: BusKind::Dynamixel, servos: servos.to_vec() };
@@ -181,16 +158,20 @@ mod tests {
 
     #[test]
     fn each_joint_is_on_its_bus() {
-        let text = "[[bus]]\nname = 'arm'\nkind = 'dynamixel1'\n[[bus]]\nname = 'face'\nkind = 'pwm'\n\
-            [[joint]]\nid = 1\nbus = 'arm'\nmodel = 'MX-28'\n[[joint]]\nid = 1\nbus = 'face'\n[[joint]]\nid = 2\nbus = 'arm'\n";
-        let served = parse(text).unwrap();
+        let buses = "[[bus]]\nname = 'arm'\nkind = 'dynamixel1'\nbaud = 57600\n\
+            [[bus]]\nname = 'face'\nkind = 'pwm'\nbaud = 50";
+        let on = |name: &str| {
+            let face = format!("id = 1\nbus = '{name}'");
+            read_puppet(buses, &["id = 1\nbus = 'arm'\nmodel = 'MX-28'", &face, "id = 2\nbus = 'arm'"])
+        };
+        let served = on("face").unwrap();
         let most =
             |bus: &ServedBus| bus.servos.iter().map(|(servo, _)| servo.max_position).collect::<Vec<_>>();
         assert_eq!(served.iter().map(most).collect::<Vec<_>>(), [vec![4095, 1023], vec![4095]]);
         assert_eq!(served[0].servos[0].1, Some(29));
         assert!(served[0].virtual_bus(0).unwrap().is_some() && served[1].virtual_bus(0).unwrap().is_none());
-        let error = parse(&text.replace("bus = 'face'", "bus = 'leg'")).unwrap_err();
-        assert!(error.to_string().contains("id 1 is on no bus"), "{error}");
+        let error = on("leg").unwrap_err();
+        assert!(error.contains("puppet.toml, line ") && error.contains("\"leg\""), "{error}");
     }
 
     #[test]
@@ -225,9 +206,14 @@ mod tests {
 
     #[test]
     fn errors_say_what_is_missing() {
-        let error = |text| format!("{:#}", parse(text).unwrap_err());
-        assert!(error("").contains("[[joint]]"));
-        assert!(error("[[joint]]\nchannel = 'a'\n").contains("missing field `id`"));
-        assert!(error("[[joint]]\nid = 300\n").contains("line 2"));
+        let error = |joints: &[&str]| read_puppet("baud = 57600", joints).unwrap_err();
+        assert!(error(&[]).contains("missing field `joint`"), "{}", error(&[]));
+        for (own, expected) in [
+            ("", "missing field `id`"),
+            ("id = 300", "line 8"),
+            ("id = 3\ngoal_range = [1]", "line 8, key \"goal_range\""),
+        ] {
+            assert!(error(&[own]).contains(expected), "{}", error(&[own]));
+        }
     }
 }

@@ -4,8 +4,9 @@
 
 use bunraku_tests::clock::SimulatedClock;
 use bunraku_tests::{bunraku, workspace};
-use host_sim::play::virtual_bus;
-use host_sim::ports::{self, Clock};
+use host_sim::clip::Clip;
+use host_sim::play::{Performance, virtual_bus};
+use host_sim::ports::{self, Clock, Told};
 use puppet_file::Puppet;
 use std::cell::{Cell, RefCell};
 use std::fs::{self, File};
@@ -19,7 +20,7 @@ use std::time::{Duration, Instant};
 use virtual_servos::config::ServoConfig;
 use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
 use virtual_servos::hobby::HobbyBoard;
-use virtual_servos::virtual_bus::{Event, VirtualBus};
+use virtual_servos::virtual_bus::{Disturbance, Event, VirtualBus};
 
 /// The servo that is moved, and how far it goes.
 const HEAD: u8 = 2;
@@ -101,14 +102,17 @@ fn follow(late: Duration) -> Followed {
         })
     };
     let bus = virtual_bus(&map, &HobbyBoard::default(), hear).unwrap();
-    let mut say = |state: &str| {
-        if state == "Playing" {
+    let mut say = |told: Told<'_>| {
+        let Told::Line(line) = told else { return };
+        if line == "Playing" {
             clock.wake_late(late);
         }
-        states.borrow_mut().push(state.to_owned());
+        if !line.contains(' ') {
+            states.borrow_mut().push(line.to_owned());
+        }
     };
     let ended = ports::follow(&receiver, 1500, &map, bus, &clock, &AtomicUsize::new(0), &mut say);
-    let error = format!("{:#}", ended.unwrap_err());
+    let error = ended.unwrap().0.failed.unwrap();
     Followed { told: told.take(), states: states.take(), error }
 }
 
@@ -131,6 +135,11 @@ fn a_machine_that_is_too_slow_is_a_fault_and_one_that_is_just_fast_enough_is_non
     assert!(follow(Duration::from_millis(15)).error.contains("the link is lost"));
     let Followed { told, states, error } = follow(Duration::from_millis(25));
     assert!(error.contains("ticks come too late"), "{error}");
+    // The buses took no time, so it is the computer: the first late tick by 25 ms, and those behind it by 5 ms more each.
+    let (_, latest) = error.split_once("the latest ").unwrap();
+    let latest: f64 = latest.split_once(" ms after its own time").unwrap().0.parse().unwrap();
+    assert!((30.0..=60.0).contains(&latest), "{error}");
+    assert!(error.contains("a tick has 20.0 ms") && error.contains("this computer was busy"), "{error}");
     assert!(states.iter().filter(|state| *state != "Stopping").eq(&STATES), "{states:?}");
     within_limits(&told);
 }
@@ -160,11 +169,11 @@ impl Drop for Process {
 #[test]
 fn real_time_is_followed_or_is_said_to_be_too_fast() {
     let folder = tempfile::tempdir().unwrap();
-    let (log, puppet) = (folder.path().join("told.csv"), puppet());
+    let (log, own, puppet) = (folder.path().join("told.csv"), folder.path().join("own.csv"), puppet());
     let text = |path: &Path| path.to_str().unwrap().to_owned();
     let servos = Process::start(&["servos", "--config", &text(&puppet), "--log", &text(&log)]);
     let arguments =
-        ["follow", "--puppet", &text(&puppet), "--from", "pty", "--lost", "1.5", "--on", &servos.1];
+        ["follow", &text(&puppet), "--from", "pty", "--lost", "1.5", "--on", &servos.1, "--log", &text(&own)];
     let mut player = Process::start(&arguments);
     let mut line = File::options().write(true).open(&player.1).unwrap();
     let mut said = BufReader::new(player.0.stderr.take().unwrap());
@@ -198,6 +207,9 @@ fn real_time_is_followed_or_is_said_to_be_too_fast() {
     } else {
         assert!(text.contains("the link is lost") && states.eq(STATES), "{text}");
     }
+    // The player's own log is kept, though it has failed.
+    let own = fs::read_to_string(own).unwrap();
+    assert!(own.lines().filter(|row| row.contains(&format!(",bus,{HEAD},"))).count() > 100, "{own}");
     let told = fs::read_to_string(log).unwrap();
     let goals = told.lines().filter_map(|line| line.split_once(&format!(",bus,{HEAD},"))?.1.parse().ok());
     let goals: Vec<i32> = goals.collect();
@@ -208,4 +220,32 @@ fn real_time_is_followed_or_is_said_to_be_too_fast() {
     } else {
         within_limits(&goals);
     }
+}
+
+/// A bus that breaks in the middle of a clip: what was told until then is there.
+#[test]
+fn what_was_told_until_a_fault_is_kept() {
+    let puppet = Puppet::read(&workspace().join("puppets/sample.toml")).unwrap();
+    let sample = mocap::sample::clip();
+    let map = puppet.map(&sample.skeleton).unwrap();
+    let bytes =
+        encoder::qmd::encode(&sample, encoder::qmd::Parameters::TABLE_1, encoder::qmd::Method::ClosedLoop)
+            .unwrap();
+    let clip = Clip::parse(Path::new("walk.qmd"), &bytes).unwrap();
+    let joints = map.joints().iter();
+    let servos = joints.map(|joint| ServoConfig { position: joint.zero, ..ServoConfig::new(joint.id) });
+    let mut servos =
+        DynamixelServos::new(&DynamixelConfig { servos: servos.collect(), ..DynamixelConfig::with_ids(&[]) })
+            .unwrap();
+    servos.schedule(6_000_000, Disturbance::Cut { seconds: 600.0 }).unwrap();
+    let clock = SimulatedClock::new(|_| {});
+    let hear = |bytes: &[u8]| servos.receive(bytes, clock.now().as_micros() as u64, &mut |_| {});
+    let bus = virtual_bus(&map, &HobbyBoard::default(), hear).unwrap();
+    let performance = Performance::of(&clip, 0);
+    let played = ports::play(&performance, &map, bus, &clock, &AtomicUsize::new(0), &mut |_| {}).unwrap();
+    assert!(played.failed.is_some(), "{:?}", played.state);
+    // From some tenths of a second on, in which servos are found, at 50 Hz.
+    let ticks = played.recording.goals.len() / map.joints().len();
+    assert!((200..=310).contains(&ticks), "{ticks}");
+    assert_eq!(played.recording.present.len(), ticks);
 }

@@ -80,7 +80,7 @@ fn same_everywhere(
         "{played} ticks, {ticks} of them of the clip"
     );
     assert_eq!(here.lines().count() as u64, 1 + servos * played);
-    assert_eq!(here.lines().next(), Some("time_s,servo,goal_position"));
+    assert_eq!(here.lines().next(), Some("time_s,bus,servo,goal_position"));
     for &on in elsewhere {
         let (report, there) = play(folder.path(), motion, skeleton, puppet, container, on);
         assert!(here == there, "the logs of {} on {on} differ", motion.display());
@@ -147,7 +147,7 @@ fn hobby_servos_are_told_the_same_on_a_pico() {
     let goals = |id: u8| -> Vec<i32> {
         let id = id.to_string();
         let rows = here.lines().map(|line| line.split(',').collect::<Vec<_>>());
-        rows.filter(|row| row[1] == id).map(|row| row[2].parse().unwrap()).collect()
+        rows.filter(|row| row[2] == id).map(|row| row[3].parse().unwrap()).collect()
     };
     let ticks = report["ticks"].as_u64().unwrap() as usize;
     for id in (8..16).chain([0, 1]) {
@@ -229,4 +229,73 @@ fn a_wrong_puppet_is_one_sentence_and_no_log() {
     refused(&sample.replace("[[joint]]", "[[joint]"), &skeleton, "puppet.toml, line");
     let [flag, path] = skeleton;
     refused(&sample, &[flag, path, "--fps", "1000"], "--fps is 1000, expected 0.01 to 655.35");
+}
+
+#[test]
+fn several_clips_are_played_as_often_and_as_fast_as_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let (motion, skeleton) = write_sample(folder.path());
+    let to = |name: &str| folder.path().join(name);
+    for clip in ["wave.mclip", "walk.qmd"] {
+        succeeds(
+            bunraku().arg("encode").arg(&motion).arg("--skeleton").arg(&skeleton).arg("-o").arg(to(clip)),
+        );
+    }
+    let puppet = workspace().join("puppets/sample.toml");
+    let play = |arguments: &[&str]| {
+        let mut command = bunraku();
+        command.arg("play").arg("--skeleton").arg(&skeleton).arg("--puppet").arg(&puppet).args(arguments);
+        command.current_dir(folder.path());
+        command
+    };
+    let both = ["wave.mclip", "walk.qmd", "--json"];
+    let ticks = |more: &[&str]| {
+        let report = succeeds(play(&both).args(more));
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        assert_eq!((&report["failed"], &report["servos"]), (&serde_json::Value::Null, &12.into()));
+        report["ticks"].as_u64().unwrap()
+    };
+    // Each lasts 4 s at 120 Hz, or 200 ticks.
+    let once = ticks(&["--log", "log.csv", "--html", "page.html"]);
+    let log = fs::read_to_string(to("log.csv")).unwrap();
+    assert!(log.lines().skip(1).all(|row| row.split(',').nth(1) == Some("bus")), "{log}");
+    let page = fs::read_to_string(to("page.html")).unwrap();
+    assert!(page.contains("wave, walk") && page.contains("12 virtual servos at 50 Hz"), "{page}");
+    assert!(page.contains("clip0") && page.contains("clip1"));
+    let (twice, later, slow) = (ticks(&["--loop=2"]), ticks(&["--from", "2"]), ticks(&["--speed", "0.5"]));
+    assert!((330..=400).contains(&(twice - once)), "{once} ticks once, {twice} twice");
+    assert!((once - later).abs_diff(100) <= 3, "{once} ticks from the beginning, {later} from 2 s on");
+    assert!((330..=400).contains(&(slow - once)), "{once} ticks, {slow} at half the speed");
+    for (arguments, expected) in [
+        (&["wave.mclip", "--loop"][..], "--loop has no end on the host"),
+        (&["wave.mclip", "--from", "4.1"], "wave.mclip ends"),
+        (&["wave.mclip", "--speed", "5"], "--speed is 5"),
+        (&["wave.mclip", "--on", "sim", "--speed", "2"], "a board plays one clip, once and as it is"),
+        (&["wave.mclip", "walk.qmd", "--on", "qemu"], "a board plays one clip, once and as it is"),
+    ] {
+        let Output { status, stderr, .. } = play(arguments).output().unwrap();
+        let said = String::from_utf8(stderr).unwrap();
+        assert_eq!((status.code(), said.lines().count()), (Some(1), 1), "{said}");
+        assert!(said.contains(expected), "{said}");
+    }
+}
+
+/// Servos of other protocols are virtual on the host as well, and are let go where that is asked.
+#[test]
+fn a_puppet_of_other_buses_is_played_on_the_host() {
+    let folder = tempfile::tempdir().unwrap();
+    let (motion, skeleton) = write_sample(folder.path());
+    let (clip, log) = (folder.path().join("clip.mclip"), folder.path().join("log.csv"));
+    succeeds(bunraku().arg("encode").arg(&motion).arg("--skeleton").arg(&skeleton).arg("-o").arg(&clip));
+    let mut play = bunraku();
+    play.arg("play").arg(&clip).arg("--puppet").arg(workspace().join("puppets/sample-buses.toml"));
+    let Output { status, stderr, .. } = play.arg("--torque-off").arg("--log").arg(&log).output().unwrap();
+    let said = String::from_utf8(stderr).unwrap();
+    assert!(status.success(), "{said}");
+    assert!(said.contains("torque is off, but for 3 of 12 servos: servo 4 cannot be let go"), "{said}");
+    let log = fs::read_to_string(log).unwrap();
+    for (bus, servo) in [("ax", 1), ("sts", 2), ("scs", 3), ("hobby", 4)] {
+        let goals = log.lines().filter(|row| row.contains(&format!(",{bus},{servo},"))).count();
+        assert!(goals > 300, "{bus}: {goals}");
+    }
 }

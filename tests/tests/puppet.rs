@@ -6,6 +6,7 @@ use bunraku_tests::clock::SimulatedClock;
 use bunraku_tests::{bunraku, workspace};
 use firmware::machine::State;
 use host_sim::clip::Clip;
+use host_sim::play::Performance;
 use host_sim::ports;
 use mocap::sample;
 use puppet_file::Puppet;
@@ -256,11 +257,10 @@ fn four_buses_of_other_protocols_are_played_and_scanned() {
     let buses = ports::open(&map, &paths).unwrap();
     let (clock, asked) = (SimulatedClock::new(|_| {}), AtomicUsize::new(0));
     let bytes = fs::read(&clip).unwrap();
-    let played = Clip::parse(&clip, &bytes)
-        .unwrap()
-        .decode(|frames| ports::play(frames, &map, 6000, buses, &clock, &asked, &mut |_| {}))
-        .unwrap();
-    assert_eq!((played.state, played.late, map.joints().len()), (State::Resting, 0, 12));
+    let parsed_clip = Clip::parse(&clip, &bytes).unwrap();
+    let performance = Performance::of(&parsed_clip, 6000);
+    let played = ports::play(&performance, &map, buses, &clock, &asked, &mut |_| {}).unwrap();
+    assert_eq!((played.state, played.late.ticks, map.joints().len()), (State::Resting, 0, 12));
     // What was sent on each wire was understood by what is at its other end.
     let told = fs::read_to_string(&told).unwrap();
     let sent = |servo: u64| {

@@ -6,6 +6,16 @@ use bunraku_tests::{bunraku, python, workspace};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, Command, Stdio};
 
+/// The text of a puppet whose joints have these ids, and these ranges in goal units.
+fn text(servos: impl IntoIterator<Item = (u8, &'static str)>) -> String {
+    let joint = |(id, range)| {
+        format!(
+            "[[joint]]\nname = '{id}'\nchannel = 'a.rx'\nid = {id}\ngoal_range = [{range}]\nmax_speed = 90\n"
+        )
+    };
+    "servo_hz = 50\nbaud = 57600\n".to_owned() + &servos.into_iter().map(joint).collect::<String>()
+}
+
 /// `bunraku servos`, stopped when dropped.
 struct Servos {
     process: Child,
@@ -17,8 +27,7 @@ impl Servos {
     fn start(listen: &str) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let puppet = folder.path().join("puppet.toml");
-        let text = "name = \"peers\"\n[[joint]]\nid = 1\n[[joint]]\nid = 2\n[[joint]]\nid = 3\ngoal_range = [1000, 3000]\n\
-            [[joint]]\nid = 20\n";
+        let text = text([(1, "0, 4095"), (2, "0, 4095"), (3, "1000, 3000"), (20, "0, 4095")]);
         std::fs::write(&puppet, text).expect("write the puppet");
         let mut process = bunraku()
             .args(["servos", "--config"])
@@ -83,13 +92,13 @@ fn errors_are_sentences_and_exit_codes() {
             bunraku().args(["servos", "--listen", listen, "--config"]).arg(&puppet).output().unwrap();
         (output.status.code(), String::from_utf8(output.stderr).unwrap())
     };
-    let (code, error) = run("[[joint]]\nid = 4\n[[joint]]\nid = 4\n", "pty");
+    let (code, error) = run(&text([(4, "0, 4095"), (4, "0, 4095")]), "pty");
     assert_eq!(code, Some(1));
     assert!(error.contains("puppet.toml does not describe servos: servo id 4 is used twice"), "{error}");
     let (code, error) = run("[[joint]]\nid = x\n", "pty");
     assert_eq!(code, Some(1));
     assert!(error.contains("puppet.toml") && error.contains("line 2"), "{error}");
-    let (code, error) = run("[[joint]]\nid = 4\n", "com1");
+    let (code, error) = run(&text([(4, "0, 4095")]), "com1");
     assert_eq!(code, Some(2));
     assert!(error.contains("expected pty or tcp:HOST:PORT"), "{error}");
 }

@@ -75,6 +75,7 @@ fn the_sound_files_are_taken() {
         &["info", "walk.mclip", "--channels"],
         &["encode", "walk.bvh", "--target-error", "0.2", "-o", "out.mclip"],
         &["decode", "walk.mclip", "--skeleton", "puppet.asf", "-o", "out2.bvh"],
+        &["decode", "walk.mclip", "-o", "out.csv"],
         &["compare", "walk.amc", "walk.qmd", "--skeleton", "puppet.asf", "--fps", "60"],
     ] {
         let output = bunraku().args(arguments).current_dir(folder.path()).output().unwrap();
@@ -110,7 +111,7 @@ fn motions() {
     refused(
         folder.path(),
         &["encode", "walk.bvh", "--unit", "cm", "-o", "out/of/place.qmd"],
-        &["cannot write out/of/place.qmd"],
+        &["cannot write out/of/place.qmd: there is no folder out/of"],
     );
 }
 
@@ -134,7 +135,17 @@ fn clips() {
     refused(
         folder.path(),
         &["decode", "walk.qmd", "--skeleton", "puppet.asf", "-o", "out.txt"],
-        &["out.txt", "txt", "expected amc, bvh or csv"],
+        &["out.txt", "txt", "expected amc, bvh, csv or json"],
+    );
+    refused(
+        folder.path(),
+        &["decode", "walk.mclip", "-o", "out.bvh"],
+        &["out.bvh", "needs the skeleton", "--skeleton"],
+    );
+    refused(
+        folder.path(),
+        &["decode", "walk.qmd", "-o", "out.csv"],
+        &["walk.qmd does not name its channels", "--skeleton"],
     );
 }
 
@@ -145,6 +156,10 @@ fn usage_errors_exit_with_2() {
         &["fly"],
         &["encode", "a.amc", "-o", "b.qmd", "--bits", "7"],
         &["encode", "a.amc", "-o", "b.qmd", "--codec", "dpcm"],
+        &["encode", "a.amc", "-o", "b.qmd", "--entry", "12"],
+        &["encode", "a.amc", "-o", "b.qmd", "--block", "400"],
+        &["encode", "a.amc", "-o", "b.qmd", "--entropy", "fixed"],
+        &["encode", "a.amc", "-o", "b.qmd", "--levels", "gaussian"],
         &[],
     ] {
         let output = bunraku().args(arguments).output().unwrap();

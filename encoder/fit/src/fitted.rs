@@ -2,12 +2,13 @@
 
 use crate::chain::Chain;
 use crate::euler;
+use crate::hinge::{self, Hinge};
 use crate::plan::{Bones, Follows, Joint, Plan, Turn};
-use crate::report::{BoneReport, Excess, JointReport, Report, ends};
+use crate::report::{BoneReport, Excess, JointReport, Report, TwistReport, ends};
 use crate::smooth::{self, Limits};
 use crate::track::{Candidate, MOST_JOINTS, Track, Values, turned};
 use crate::twist::{Twist, twist};
-use mocap::angles::{IDENTITY, Matrix, multiply, transpose};
+use mocap::angles::{IDENTITY, Matrix, apply, multiply, transpose};
 use mocap::body::{Body, Part, TPose};
 use mocap::skeleton::{Channel, Dof, Joint as Bone, Origin, Skeleton};
 use mocap::{Clip, Motion};
@@ -90,7 +91,12 @@ pub fn fit(plan: &Plan, clip: &Clip, smooth: bool) -> Fitted {
         });
     }
     let bones = recording.bones(plan, clip, &ways);
-    Fitted { clip: as_clip(plan, fps, &ways), report: Report { joints, bones } }
+    let twist = |hinge: &Hinge| TwistReport {
+        bone: clip.skeleton.joints[hinge.upper].name.clone(),
+        degrees: hinge.degrees,
+    };
+    let twists = recording.hinges.iter().map(twist).collect();
+    Fitted { clip: as_clip(plan, fps, &ways), report: Report { joints, bones, twists } }
 }
 
 /// Joints that follow channels: without flips and turns, and by whole turns where the joint can be.
@@ -205,6 +211,7 @@ struct Recording {
     fps: f64,
     /// For each pair of bones the rotations of the one against the other.
     turned: Vec<(Bones, Vec<Matrix>)>,
+    hinges: Vec<Hinge>,
     /// Where each bone points in the T-pose; `None` for those of the trunk and the head.
     directions: Vec<Option<[f64; 3]>>,
 }
@@ -225,19 +232,29 @@ impl Recording {
         let mut t_pose = TPose::of(&clip.skeleton, &body);
         let joints = clip.skeleton.joints.len();
         let is_trunk = |joint| body.part(joint).is_some_and(|part| TRUNK.contains(&part));
-        let direction = |joint| (!is_trunk(joint)).then(|| t_pose.direction(joint));
-        let directions = (0..joints).map(direction).collect();
+        let hinges = if turned.is_empty() { Vec::new() } else { hinge::hinges(clip, &body, &mut t_pose) };
+        let hinge_of = |joint: usize| hinges.iter().find(|hinge| hinge.below[joint]);
+        let direction = |joint| {
+            let own = t_pose.direction(joint);
+            hinge_of(joint).map_or(own, |hinge| apply(&transpose(&hinge.rotation), own))
+        };
+        let directions = (0..joints).map(|joint| (!is_trunk(joint)).then(|| direction(joint))).collect();
         let mut rotations = vec![IDENTITY; joints];
         if !turned.is_empty() {
             for pose in clip.motion.iter() {
                 t_pose.rotations(pose, &mut rotations);
+                for (joint, rotation) in rotations.iter_mut().enumerate() {
+                    if let Some(hinge) = hinge_of(joint) {
+                        *rotation = multiply(rotation, &hinge.rotation);
+                    }
+                }
                 for (bones, frames) in &mut turned {
                     let against = bones.against.map_or(IDENTITY, |against| rotations[against]);
                     frames.push(multiply(&transpose(&against), &rotations[bones.bone]));
                 }
             }
         }
-        Self { fps: clip.motion.fps, turned, directions }
+        Self { fps: clip.motion.fps, turned, hinges, directions }
     }
 
     /// The direction of a bone by which joints with these axes are judged, in the T-pose.

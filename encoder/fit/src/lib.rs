@@ -16,6 +16,7 @@
 pub mod chain;
 mod euler;
 mod fitted;
+mod hinge;
 mod plan;
 mod report;
 pub mod smooth;
@@ -24,4 +25,4 @@ pub mod twist;
 
 pub use fitted::{Fitted, channel_name, fit};
 pub use plan::{Bones, Chain, Follows, Joint, Plan, Turn};
-pub use report::{BoneReport, Excess, JointReport, Report};
+pub use report::{BoneReport, Excess, JointReport, Report, TwistReport};

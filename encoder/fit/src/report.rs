@@ -10,6 +10,17 @@ pub struct Report {
     pub joints: Vec<JointReport>,
     /// For each bone that chains or turns drive.
     pub bones: Vec<BoneReport>,
+    /// For each upper arm and thigh whose elbow or knee bends.
+    pub twists: Vec<TwistReport>,
+}
+
+/// How a limb's upper bone was turned about itself in the T-pose, so that its hinge bends as elbows and knees do.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TwistReport {
+    /// The skeleton's joint that turns the bone.
+    pub bone: String,
+    /// In degrees, about where the bone points.
+    pub degrees: f64,
 }
 
 /// What a recording asks of a joint that the joint cannot do. Values are in degrees or cm.

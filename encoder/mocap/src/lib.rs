@@ -44,6 +44,7 @@ pub mod motion;
 mod resample;
 pub mod sample;
 pub mod skeleton;
+pub mod survey;
 
 pub use clip::Clip;
 pub use motion::Motion;

@@ -127,6 +127,11 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> FeetechBus<U, D,
         Self { reader: Reader { client, series }, schedule: ReadSchedule::new() }
     }
 
+    /// Which servos they are.
+    pub const fn series(&self) -> Series {
+        self.reader.series
+    }
+
     /// The client, for what the player does not need.
     pub fn client(&mut self) -> &mut Protocol1Client<U, D, T, N> {
         &mut self.reader.client

@@ -30,6 +30,8 @@ impl<const N: usize> JointMap<N> {
     ///
     /// # Errors
     /// [`MapError`], all but its first three variants.
+    // Once, at the start: as a part of its caller, it takes registers from the loop over ticks there.
+    #[inline(never)]
     pub fn new(
         settings: Settings,
         buses: Vec<BusSpec, MAX_BUSES>,

@@ -18,7 +18,7 @@ const NAMES: [&str; BusKind::ALL.len()] = {
 ///
 /// # Errors
 /// A sentence with all names, where the value is none of them.
-pub fn bus_kind<'de, D: Deserializer<'de>>(deserializer: D) -> Result<BusKind, D::Error> {
+pub(crate) fn bus_kind<'de, D: Deserializer<'de>>(deserializer: D) -> Result<BusKind, D::Error> {
     let name = String::deserialize(deserializer)?;
     BusKind::from_name(&name).ok_or_else(|| D::Error::unknown_variant(&name, &NAMES))
 }

@@ -25,7 +25,7 @@ pub const fn goal_range(kind: BusKind) -> (i32, i32) {
 }
 
 /// Goals in a degree, from the sources of [`goal_range`].
-const fn goals_per_degree(kind: BusKind) -> f64 {
+pub const fn goals_per_degree(kind: BusKind) -> f64 {
     match kind {
         BusKind::Dynamixel | BusKind::Sts => 4096.0 / 360.0,
         BusKind::Dynamixel1 => 1024.0 / 300.0,

@@ -55,10 +55,9 @@ mod place;
 mod plan;
 mod puppet;
 
-pub use bus_kind::bus_kind;
 pub use channels::{Channels, MissingChannel, Owner, Unit};
 pub use error::{Error, Problem};
-pub use joint::goal_range;
+pub use joint::{goal_range, goals_per_degree};
 pub use map::{Map, to_bytes};
 pub use place::Place;
 pub use puppet::{NamedServo, Puppet};

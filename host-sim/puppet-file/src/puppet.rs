@@ -23,6 +23,8 @@ pub struct NamedServo {
     pub name: String,
     /// Its model number, where the puppet says it.
     pub model: Option<u16>,
+    /// The two ends of its range in goal units, where the puppet says them as such.
+    pub goal_range: Option<[i32; 2]>,
 }
 
 /// A puppet.toml whose keys and value types are right; [`Puppet::map`] checks what the values say.
@@ -111,11 +113,17 @@ impl Puppet {
     /// The servos without what they follow, in the order of the file.
     ///
     /// # Errors
-    /// A joint whose bus there is not, or whose model is not known.
+    /// A joint whose bus there is not, whose model is not known, or whose `goal_range` has not two ends.
     pub fn servos(&self) -> Result<Vec<NamedServo>, Error> {
         let named = |entry: &JointEntry| {
             let (bus, name) = (self.bus_of(entry)?, entry.name.get_ref().clone());
-            Ok(NamedServo { bus: bus.into(), id: *entry.id.get_ref(), name, model: self.model(entry)? })
+            let (id, model) = (*entry.id.get_ref(), self.model(entry)?);
+            let ends = |range: &Spanned<Vec<i32>>| {
+                let wrong = |_| self.wrong(range, Problem::RangeLength { found: range.get_ref().len() });
+                <[i32; 2]>::try_from(range.get_ref().as_slice()).map_err(wrong)
+            };
+            let goal_range = entry.goal_range.as_ref().map(ends).transpose()?;
+            Ok(NamedServo { bus: bus.into(), id, name, model, goal_range })
         };
         self.file.joint.iter().map(named).collect()
     }

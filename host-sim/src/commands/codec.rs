@@ -50,6 +50,11 @@ impl Options {
         Ok(settings)
     }
 
+    /// Names of the options that were given.
+    pub fn given(&self) -> impl Iterator<Item = &'static str> {
+        self.given.iter().map(|(name, _)| *name)
+    }
+
     /// All options that there are, each with the names of the codecs that have it.
     fn all() -> Vec<(CodecOption, Vec<&'static str>)> {
         let mut all: Vec<(CodecOption, Vec<&'static str>)> = Vec::new();

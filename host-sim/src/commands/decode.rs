@@ -1,24 +1,29 @@
 //! `bunraku decode`: a compressed clip in, motion capture out.
 
 use anyhow::{Context, Result, bail};
+use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::puppet::channels;
+use mocap::Skeleton;
 use mocap::export;
 use mocap::import::{self, amc};
+use puppet_file::Channels;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Decode a clip into AMC, BVH or CSV.
+/// Decode a clip into AMC, BVH, CSV, or JSON as the Blender Servo Animation add-on writes it.
 ///
-/// A clip that was made for a puppet has only some of the skeleton's channels; the others become 0.
+/// A clip that was made for a puppet has only some of the skeleton's channels; the others become 0. CSV needs no skeleton where
+/// the clip names its channels: it then has these alone.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  bunraku decode walk.qmd --skeleton 02.asf -o walk.amc")]
+#[command(after_help = "Examples:\n  bunraku decode walk.qmd --skeleton 02.asf -o walk.amc\n  \
+    bunraku decode puppet.mclip -o puppet.csv")]
 pub struct Args {
     /// The clip: .qmd or .mclip.
     clip: PathBuf,
     /// The skeleton that the clip was encoded with: .asf, or .bvh for its hierarchy.
     #[arg(long, value_name = "S.asf|S.bvh")]
-    skeleton: PathBuf,
+    skeleton: Option<PathBuf>,
     /// Unit of the lengths in a BVH skeleton, as for `bunraku encode`; guessed unless given.
     #[arg(long, value_name = "UNIT")]
     unit: Option<import::Unit>,
@@ -26,20 +31,47 @@ pub struct Args {
     #[arg(long, value_name = "F")]
     fps: Option<f64>,
     /// Where the motion goes; its extension says the format.
-    #[arg(short, long, value_name = "OUT.amc|.bvh|.csv")]
+    #[arg(short, long, value_name = "OUT.amc|.bvh|.csv|.json")]
     output: PathBuf,
+}
+
+/// What says which channels the decoded motion has.
+enum Layout {
+    Skeleton(Skeleton),
+    /// The clip itself.
+    Names(Channels),
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
     let extension = args.output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    if !["amc", "bvh", "csv"].contains(&extension.as_str()) {
-        bail!("{}: found the extension {extension:?}, expected amc, bvh or csv", args.output.display());
+    if !["amc", "bvh", "csv", "json"].contains(&extension.as_str()) {
+        let output = args.output.display();
+        bail!("{output}: found the extension {extension:?}, expected amc, bvh, csv or json");
     }
-    let skeleton = import::read_skeleton(&args.skeleton, args.unit)?;
+    let skeleton = args.skeleton.as_deref();
+    let skeleton = skeleton.map(|path| import::read_skeleton(path, args.unit)).transpose()?;
     let bytes = files::read(&args.clip)?;
     let mut motion = super::input::decode(&args.clip, &bytes)?;
     let found = motion.channels;
-    motion = channels::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
+    let layout = match skeleton {
+        Some(skeleton) => {
+            motion = channels::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
+            Layout::Skeleton(skeleton)
+        }
+        None if extension == "csv" => {
+            let own = channels::of_clip(&Clip::parse(&args.clip, &bytes)?);
+            Layout::Names(own.with_context(|| {
+                format!(
+                    "{} does not name its channels: give the skeleton that it was encoded with (--skeleton)",
+                    args.clip.display()
+                )
+            })?)
+        }
+        None => bail!(
+            "{}: a .{extension} needs the skeleton that the clip was encoded with (--skeleton); only .csv does without",
+            args.output.display()
+        ),
+    };
     if let Some(fps) = args.fps {
         motion.fps = fps;
     } else if motion.fps == 0.0 {
@@ -47,13 +79,17 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     let frames = motion.frames();
     files::write(&args.output, |mut file| {
-        match extension.as_str() {
-            "amc" => export::amc::write(&mut file, &skeleton, &motion, export::amc::Rotations::Wrapped),
-            "bvh" => {
-                motion.wrap_angles(&skeleton);
-                export::bvh::write(&mut file, &skeleton, &motion)
+        match (&layout, extension.as_str()) {
+            (Layout::Names(names), _) => export::csv::write_named(&mut file, names.names(), &motion),
+            (Layout::Skeleton(skeleton), "amc") => {
+                export::amc::write(&mut file, skeleton, &motion, export::amc::Rotations::Wrapped)
             }
-            _ => export::csv::write(&mut file, &skeleton, &motion),
+            (Layout::Skeleton(skeleton), "bvh") => {
+                motion.wrap_angles(skeleton);
+                export::bvh::write(&mut file, skeleton, &motion)
+            }
+            (Layout::Skeleton(skeleton), "json") => export::servo_json::write(&mut file, skeleton, &motion),
+            (Layout::Skeleton(skeleton), _) => export::csv::write(&mut file, skeleton, &motion),
         }
         .with_context(|| format!("cannot write {}", args.output.display()))
     })?;

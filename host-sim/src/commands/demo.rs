@@ -64,14 +64,15 @@ pub fn run(args: Args) -> Result<ExitCode> {
 
     let clip = Clip::parse(Path::new("walk.qmd"), &bytes)?;
     let path = folder.join("puppet.toml");
-    let map = Puppet::read(&path)?.map(&original.skeleton)?;
+    let puppet = Puppet::read(&path)?;
+    let (map, buses) = (puppet.map(&original.skeleton)?, puppet.bus_names());
     let host = play::on_host(&clip, &map, 0)?;
-    write_log(&folder.join("host.csv"), &host)?;
+    write_log(&folder.join("host.csv"), &host, &buses)?;
     println!("\nThe player told {} virtual servos {} goal positions.", map.joints().len(), host.goals.len());
     if args.qemu {
         println!("Building the firmware, and playing on a Cortex-M4 in QEMU ...");
         let board = play::on_qemu(&clip, &bytes, &map, 0, &mut |line| println!("  {line}"))?;
-        write_log(&folder.join("cortex-m4.csv"), &board)?;
+        write_log(&folder.join("cortex-m4.csv"), &board, &buses)?;
         if board != host {
             bail!(
                 "the Cortex-M4 told its servos something else: compare {0}/host.csv and {0}/cortex-m4.csv",

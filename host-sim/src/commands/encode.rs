@@ -71,12 +71,12 @@ pub struct Args {
     entropy: Option<EntropyId>,
     #[command(flatten)]
     options: codec::Options,
-    /// Frames from one entry point to the next (.mclip).
-    #[arg(long, value_name = "FRAMES", default_value_t = 480, value_parser = clap::value_parser!(u32).range(1..))]
-    entry: u32,
-    /// Longest block in bytes (.mclip): what a receiver has to hold.
-    #[arg(long, value_name = "BYTES", default_value_t = 1024)]
-    block: u16,
+    /// Frames from one entry point to the next (.mclip); 480 unless given.
+    #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u32).range(1..))]
+    entry: Option<u32>,
+    /// Longest block in bytes (.mclip): what a receiver has to hold; 1024 unless given.
+    #[arg(long, value_name = "BYTES")]
+    block: Option<u16>,
     #[command(flatten)]
     quality: Quality,
     /// Frames of a segment, each with a table of its own (QMD n_d); the whole clip unless given.
@@ -105,8 +105,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if !in_blocks && codec != CodecId::Qmd {
         usage(&format!("{output}: codec {name} needs a .mclip, for instance -o out.mclip"));
     }
-    if !in_blocks && args.max_cycles.is_some() {
-        usage(&format!("{output}: --max-cycles needs a .mclip"));
+    if !in_blocks && let Some(option) = only_in_blocks(&args).next() {
+        usage(&format!("{output}: --{option} needs a .mclip, for instance -o out.mclip"));
     }
     if !in_blocks && (args.target_error.is_some() || args.worst_error.is_some() || args.target_rate.is_some())
     {
@@ -173,8 +173,20 @@ fn qmd(args: &Args, clip: &Clip) -> Result<Vec<u8>> {
 }
 
 fn encoding(args: &Args, codec: CodecId) -> Result<Encoding, OptionError> {
-    let (entropy, entry_frames, block_bytes) = (args.entropy, args.entry as usize, args.block);
+    let (entropy, entry_frames) = (args.entropy, args.entry.unwrap_or(480) as usize);
+    let block_bytes = args.block.unwrap_or(1024);
     Ok(Encoding { codec: args.options.settings(codec)?, entropy, entry_frames, block_bytes })
+}
+
+/// Options that were given and mean nothing for a .qmd.
+fn only_in_blocks(args: &Args) -> impl Iterator<Item = &'static str> {
+    let named = [
+        ("max-cycles", args.max_cycles.is_some()),
+        ("entropy", args.entropy.is_some()),
+        ("entry", args.entry.is_some()),
+        ("block", args.block.is_some()),
+    ];
+    named.into_iter().filter(|(_, given)| *given).map(|(name, _)| name).chain(args.options.given())
 }
 
 /// Ends the command with what was wrong about its arguments.

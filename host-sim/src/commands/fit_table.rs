@@ -1,8 +1,11 @@
-//! What became of a recording on a puppet, as one table.
+//! What a puppet cannot do of a recording, as one table.
 
 use fit::{BoneReport, Excess, JointReport, Report};
 
-/// The table: a line a joint, and then a line for each bone that turns or chains drive.
+/// A turn about a limb's own length that is worth a word, in degrees.
+const TOLD: f64 = 5.0;
+
+/// The table: a line for each joint that cannot do all of it, and one for each bone that turns or chains drive.
 pub fn table(report: &Report) -> String {
     let header = ["joint", "recorded", "in the clip", "out of range", "too fast", "too sudden"];
     let mut rows = vec![header.map(str::to_owned).to_vec()];
@@ -10,7 +13,10 @@ pub fn table(report: &Report) -> String {
     if is_smoothed {
         rows[0].push("smoothed by".to_owned());
     }
-    for joint in &report.joints {
+    let is_short = |joint: &&JointReport| {
+        joint.out_of_range.is_some() || joint.too_fast.is_some() || joint.too_sudden.is_some()
+    };
+    for joint in report.joints.iter().filter(is_short) {
         let JointReport { name, unit, recorded, fitted, .. } = joint;
         let range = |[low, high]: [f64; 2]| format!("{low:.1} to {high:.1} {unit}");
         let mut row = vec![
@@ -26,15 +32,31 @@ pub fn table(report: &Report) -> String {
         }
         rows.push(row);
     }
-    let mut text = aligned(&rows);
+    let mut text = String::new();
+    if rows.len() > 1 {
+        text = format!("{} of {} joints cannot do all of it:\n", rows.len() - 1, report.joints.len());
+        text += &aligned(&rows);
+        let is_late = |joint: &JointReport| joint.too_fast.is_some() || joint.too_sudden.is_some();
+        if !is_smoothed && report.joints.iter().any(is_late) {
+            text += "A servo that is too slow comes late. With --smooth it begins earlier instead.\n";
+        }
+    }
     if !report.bones.is_empty() {
         let mut rows = vec![["bone", "against", "mean", "worst", "driven by"].map(str::to_owned).to_vec()];
         for BoneReport { bone, against, joints, mean, worst, at } in &report.bones {
             let worst = format!("{worst:.1}° at {at:.2} s");
             rows.push(vec![bone.clone(), against.clone(), format!("{mean:.1}°"), worst, joints.join(", ")]);
         }
-        text += "\nWhere the bones point, beside the recording:\n";
+        text += "Where the bones point, beside the recording:\n";
         text += &aligned(&rows);
+    }
+    let twisted = report.twists.iter().filter(|twist| twist.degrees.abs() > TOLD);
+    let twisted: Vec<String> = twisted.map(|twist| format!("{} {:.0}°", twist.bone, twist.degrees)).collect();
+    if !twisted.is_empty() {
+        text += &format!(
+            "Turned about their length, so that elbows and knees bend as such: {}\n",
+            twisted.join(", ")
+        );
     }
     text
 }
@@ -65,6 +87,7 @@ fn aligned(rows: &[Vec<String>]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fit::TwistReport;
 
     #[test]
     fn a_table_says_how_often_how_long_and_how_far() {
@@ -87,10 +110,16 @@ mod tests {
             worst: 12.3,
             at: 1.5,
         };
-        let text = table(&Report { joints: vec![joint], bones: vec![bone] });
+        let twist = TwistReport { bone: "rhumerus".to_owned(), degrees: 31.1 };
+        let able = JointReport { out_of_range: None, ..joint.clone() };
+        let report = Report { joints: vec![joint, able.clone()], bones: vec![bone], twists: vec![twist] };
+        let text = table(&report);
         let lines: Vec<&str> = text.lines().collect();
-        assert!(lines[0].starts_with("joint        recorded          in the clip"), "{text}");
-        assert!(lines[1].contains("2 times, 0.35 s; 12.3 ° at 1.50 s  never"), "{text}");
+        assert_eq!(lines[0], "1 of 2 joints cannot do all of it:");
+        assert!(lines[1].starts_with("joint        recorded          in the clip"), "{text}");
+        assert!(lines[2].contains("2 times, 0.35 s; 12.3 ° at 1.50 s  never"), "{text}");
         assert!(lines[5].starts_with("rradius  rhumerus  1.0°"), "{text}");
+        assert!(lines[6].ends_with("rhumerus 31°"), "{text}");
+        assert_eq!(table(&Report { joints: vec![able], bones: Vec::new(), twists: Vec::new() }), "");
     }
 }

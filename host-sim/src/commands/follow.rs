@@ -2,27 +2,22 @@
 
 use super::play::{asked_to_end, write_log};
 use anyhow::{Context, Result, bail};
-use firmware::follow::Counters;
-use firmware::map::BusKind;
-use host_sim::link::port::Port;
-use host_sim::play::{self, seconds};
-use host_sim::ports::{self, Clock, ComputerClock, Played};
-use puppet_file::{Map, Puppet};
-use std::io::{ErrorKind, Write};
+use host_sim::live_frames::{self, Listener, Say};
+use host_sim::play::seconds;
+use host_sim::ports::{self, Clock, ComputerClock, Told, virtual_buses};
+use host_sim::puppet_servos;
+use puppet_file::Puppet;
+use std::io::Write;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::AtomicUsize;
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread;
-use std::time::Duration;
-#[cfg(unix)]
-use virtual_servos::config::ServoConfig;
-use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
-use virtual_servos::hobby::HobbyBoard;
-use virtual_servos::serve::Pty;
-use virtual_servos::virtual_bus::VirtualBus;
+use std::sync::mpsc::Receiver;
 
 /// Follow the live mode of the Blender add-on Servo Animation: its frames move a puppet, within the puppet's limits.
+///
+/// With --listen, choose the method "Web Socket" in the add-on's live mode, and the host and port that are printed here; any path
+/// will do. A program of your own may also connect by TCP and send the same frames: `<`, id, position high, position low, `>`. One
+/// client at a time is followed; when it is gone the pose is held until the next one comes.
 ///
 /// Positions are goals of the servos (the add-on's "position min" and "max": goals as `bunraku puppet check` shows them), ids those of the
 /// puppet. Nothing jumps: the player finds its servos, waits for the first frame, eases to the pose, and follows with the velocity and
@@ -31,16 +26,26 @@ use virtual_servos::virtual_bus::VirtualBus;
 /// stand still.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  bunraku follow --puppet puppets/cmu-12.toml --from pty --on /dev/ttyUSB0\n  /dev/pts/4\n\n\
-        Then choose /dev/pts/4 as the serial port of the add-on's live mode."
+    after_help = "Examples:\n  bunraku follow puppets/cmu-12.toml --listen 127.0.0.1:4000 --lost 0 --on /dev/ttyUSB0\n  \
+        bunraku follow puppets/cmu-12.toml --from tcp:192.168.1.20:4000 --on host",
+    group = clap::ArgGroup::new("source").required(true).args(["from", "listen"])
 )]
 pub struct Args {
     /// The puppet.
-    #[arg(long, value_name = "PUPPET.toml")]
-    puppet: PathBuf,
+    #[arg(value_name = "PUPPET.toml", required_unless_present = "puppet_option")]
+    puppet: Option<PathBuf>,
+    /// The same, as it was given once.
+    #[arg(long = "puppet", id = "puppet_option", hide = true, conflicts_with = "puppet")]
+    puppet_option: Option<PathBuf>,
+    /// Wait here for whoever connects and sends frames, by WebSocket or TCP. Port 0 is any free one; which one is printed.
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    listen: Option<SocketAddr>,
+    /// Listen on an address that other computers reach. Whoever reaches it can move the puppet: there is no password.
+    #[arg(long, requires = "listen")]
+    other_computers: bool,
     /// Where frames come from: a serial port, `tcp:HOST:PORT` to connect to, or `pty`: a pseudo terminal, whose path is printed.
     #[arg(long, value_name = "PORT|tcp:HOST:PORT|pty")]
-    from: String,
+    from: Option<String>,
     /// Where the servos are: host (virtual ones in this program), or their serial port (NAME=PORT,NAME=PORT for a puppet with several
     /// buses).
     #[arg(long, value_name = "host|PORT", default_value = "host")]
@@ -51,7 +56,7 @@ pub struct Args {
     /// Seconds of silence after which the link is lost, up to 60; 0: never.
     #[arg(long, value_name = "SECONDS", default_value_t = 2.0)]
     lost: f64,
-    /// Where the log goes: time in seconds, servo id, goal position.
+    /// Where the log goes, also when following fails: time in seconds, bus, servo id, goal position.
     #[arg(long, value_name = "OUT.csv")]
     log: Option<PathBuf>,
     /// Report as JSON.
@@ -59,135 +64,111 @@ pub struct Args {
     json: bool,
 }
 
+/// Says what happens on the way.
+const SAY: Say = |line| eprintln!("{line}");
+
 pub fn run(args: Args) -> Result<ExitCode> {
     if !(0.0..=60.0).contains(&args.lost) {
         bail!("--lost is {}, expected 0 to 60 seconds", args.lost);
     }
     let lost_millis = (args.lost * 1000.0).ceil() as u16;
-    let puppet = Puppet::read(&args.puppet)?;
+    let path = args.puppet.as_ref().or(args.puppet_option.as_ref()).context("expected a puppet")?;
+    let puppet = Puppet::read(path)?;
     let map = puppet.map(puppet.channels()?)?;
-    let say = &mut |line: &str| eprintln!("{line}");
+    let bus_names = puppet.bus_names();
+    let clock = ComputerClock::start();
+    let say = &mut |told: Told<'_>| {
+        if let Told::Line(line) = told {
+            SAY(line);
+        }
+    };
     let (played, counters) = if args.on == "host" {
-        let asked = asked_to_end()?;
-        on_host(&listen(&args.from, args.baud)?, lost_millis, &map, asked, say)
+        let served = puppet_servos::read(path)?;
+        let now = || clock.now();
+        let buses = virtual_buses::open(&map, &served, &now).context("--on host")?;
+        ports::follow(&listen(&args)?, lost_millis, &map, buses, &clock, asked_to_end()?, say)
     } else {
-        let paths = ports::paths(&args.on, &puppet.bus_names(), |_| true)?;
+        let paths = ports::paths(&args.on, &bus_names, |_| true)?;
         let buses = ports::open(&map, &paths)?;
-        let asked = asked_to_end()?;
-        ports::follow(
-            &listen(&args.from, args.baud)?,
-            lost_millis,
-            &map,
-            buses,
-            &ComputerClock::start(),
-            asked,
-            say,
-        )
-    }
-    .with_context(|| format!("cannot follow {} any longer", args.from))?;
+        ports::follow(&listen(&args)?, lost_millis, &map, buses, &clock, asked_to_end()?, say)
+    }?;
     if let Some(log) = &args.log {
-        write_log(log, &played.recording)?;
+        write_log(log, &played.recording, &bus_names)?;
     }
     let (ticks, servos) = (played.recording.ticks, map.joints().len());
     let state = format!("{:?}", played.state);
     if args.json {
         let report = serde_json::json!({
             "ticks": ticks, "servos": servos, "servo_hz": map.tick_hz(), "goals": played.recording.goals.len(),
-            "frames": counters.frames, "foreign_frames": counters.foreign, "late_ticks": played.late,
-            "longest_bus_ms": played.longest.as_secs_f64() * 1e3, "state": state,
+            "frames": counters.frames, "foreign_frames": counters.foreign, "skipped_bytes": counters.skipped(),
+            "late_ticks": played.late.ticks, "longest_bus_ms": played.longest.as_secs_f64() * 1e3, "state": state,
+            "failed": played.failed,
         });
         println!("{report:#}");
     } else {
-        println!(
-            "{} frames followed, {} for others; {ticks} ticks at {} Hz on {servos} servos, {} s, {} of them late; the puppet ends {state}",
+        let summary = format!(
+            "{} frames followed, {} for others, {} bytes of none; {ticks} ticks at {} Hz on {servos} servos, {} s, {} of them \
+             late; the puppet ends {state}",
             counters.frames,
             counters.foreign,
+            counters.skipped(),
             map.tick_hz(),
             seconds(map.tick_micros(ticks)),
-            played.late
+            played.late.ticks
         );
+        // What goes with an error goes where errors go.
+        if played.failed.is_some() {
+            SAY(&summary);
+        } else {
+            println!("{summary}");
+        }
+    }
+    if let Some(failed) = played.failed {
+        bail!("cannot follow {} any longer: {failed}", source(&args));
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Virtual servos in this program, in real time.
-fn on_host(
-    input: &Receiver<Vec<u8>>,
-    lost_millis: u16,
-    map: &Map,
-    asked: &AtomicUsize,
-    say: &mut dyn FnMut(&str),
-) -> Result<(Played, Counters)> {
-    let on_line = map.buses().iter().position(|bus| bus.kind == BusKind::Dynamixel);
-    let joints = map.joints().iter().filter(|joint| Some(usize::from(joint.bus)) == on_line);
-    let servos = joints.map(|joint| ServoConfig { position: joint.home, ..ServoConfig::new(joint.id) });
-    let mut servos = DynamixelServos::new(&DynamixelConfig {
-        servos: servos.collect(),
-        ..DynamixelConfig::with_ids(&[])
-    })?;
-    let clock = ComputerClock::start();
-    let hear = |bytes: &[u8]| {
-        let now_us = u64::try_from(clock.now().as_micros()).unwrap_or(u64::MAX);
-        servos.receive(bytes, now_us, &mut |_| {})
-    };
-    let bus = play::virtual_bus(map, &HobbyBoard::default(), hear).context("--on host")?;
-    ports::follow(input, lost_millis, map, bus, &clock, asked, say)
+/// Where frames come from, as it was given.
+fn source(args: &Args) -> String {
+    let listened = args.listen.map(|address| format!("whoever connects to {address}"));
+    args.from.clone().or(listened).unwrap_or_default()
 }
 
-/// Reads where frames come from, in a thread of its own, until it ends.
-fn listen(from: &str, baud: u32) -> Result<Receiver<Vec<u8>>> {
-    let (sender, receiver) = channel();
-    if from == "pty" {
-        listen_to_pty(sender)?;
-        return Ok(receiver);
+/// Opens where frames come from.
+fn listen(args: &Args) -> Result<Receiver<Vec<u8>>> {
+    if let Some(address) = args.listen {
+        if !address.ip().is_loopback() {
+            if !args.other_computers {
+                bail!(
+                    "--listen {address} can be reached from other computers, and whoever reaches it can move the puppet: listen on \
+                     127.0.0.1:{}, or add --other-computers if that is what you want",
+                    address.port()
+                );
+            }
+            SAY(&format!("whoever reaches {address} can move the puppet: there is no password"));
+        }
+        let listener = Listener::bind(address)?;
+        let address = listener.address().context("cannot say which port is listened on")?;
+        print(&address.to_string())?;
+        SAY(&format!(
+            "in the add-on's live mode: method Web Socket, host {}, port {}, path /",
+            address.ip(),
+            address.port()
+        ));
+        return Ok(listener.start(SAY));
     }
-    let mut port = Port::open(from, baud).with_context(|| format!("cannot open {from}"))?;
-    let from = from.to_owned();
-    thread::spawn(move || {
-        let mut bytes = [0; 1024];
-        loop {
-            let sent = match port.read(&mut bytes, Duration::from_secs(1)) {
-                Ok(count) => sender.send(bytes[..count].to_vec()),
-                Err(error) => {
-                    eprintln!("bunraku: {from}: {error}: no more frames will come");
-                    return;
-                }
-            };
-            if sent.is_err() {
-                return;
-            }
-        }
-    });
-    Ok(receiver)
+    let from = args.from.as_deref().context("expected --from or --listen")?;
+    if from == "pty" {
+        let (path, frames) = live_frames::read_pty(SAY)?;
+        print(&path.display().to_string())?;
+        return Ok(frames);
+    }
+    live_frames::read_port(from, args.baud, SAY)
 }
 
-#[cfg(unix)]
-fn listen_to_pty(sender: Sender<Vec<u8>>) -> Result<()> {
-    let mut pty = Pty::open()?;
+/// Says at once where frames may be sent to.
+fn print(line: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
-    writeln!(out, "{}", pty.path().display())
-        .and_then(|()| out.flush())
-        .context("cannot write to standard output")?;
-    thread::spawn(move || {
-        let mut bytes = [0; 1024];
-        loop {
-            match pty.read_now(&mut bytes) {
-                Ok(count) if sender.send(bytes[..count].to_vec()).is_err() => return,
-                Ok(_) => {}
-                Err(error) if [ErrorKind::WouldBlock, ErrorKind::Interrupted].contains(&error.kind()) => {
-                    thread::sleep(Duration::from_millis(1));
-                }
-                Err(error) => {
-                    eprintln!("bunraku: the pseudo terminal failed: {error}: no more frames will come");
-                    return;
-                }
-            }
-        }
-    });
-    Ok(())
-}
-
-#[cfg(not(unix))]
-fn listen_to_pty(_: Sender<Vec<u8>>) -> Result<()> {
-    bail!("this system has no pseudo terminals: give a serial port, or tcp:HOST:PORT");
+    writeln!(out, "{line}").and_then(|()| out.flush()).context("cannot write to standard output")
 }

@@ -28,7 +28,7 @@ pub struct Source {
     /// the size of the figure unless given.
     #[arg(long, value_name = "UNIT")]
     pub unit: Option<Unit>,
-    /// Only these frames, from 0 on and the last one left out: `1..` leaves out the first, which is often a T-pose.
+    /// Only these frames of the file, from 0 on and the last one left out: `1..` leaves out the first, which is often a T-pose.
     #[arg(long, value_name = "FIRST..END")]
     frames: Option<FrameRange>,
     /// Fit the motion to this puppet: one channel for each of its joints, in degrees (cm for translations) within the joint's
@@ -42,7 +42,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// The motion in a .amc or .bvh file, fitted to the puppet where there is one.
+    /// The motion in a .amc, .bvh, .csv or .json file, fitted to the puppet where there is one.
     pub fn load(&self, path: &Path) -> Result<Clip> {
         Ok(self.load_fitted(path)?.0)
     }
@@ -50,10 +50,15 @@ impl Source {
     /// As [`load`](Self::load), and what the puppet cannot do of it.
     pub fn load_fitted(&self, path: &Path) -> Result<(Clip, Option<Report>)> {
         if is_clip(path) {
-            bail!("{} is a compressed clip, expected a motion (.amc or .bvh)", path.display());
+            bail!("{} is a compressed clip, expected a motion (.amc, .bvh, .csv or .json)", path.display());
         }
-        let options = Options { skeleton: self.skeleton.as_deref(), unit: self.unit.clone(), fps: self.rate };
+        let (skeleton, unit) = (self.skeleton.as_deref(), self.unit.clone());
+        let options = Options { skeleton, unit, fps: self.rate, sampled_fps: self.fps };
         let Imported { mut clip, has_rate, mut notes } = import::read(path, &options)?;
+        // Frames are those of the file: a T-pose that is left out must not be in what is resampled.
+        if let Some(frames) = self.frames {
+            clip.motion = frames.of(path, &clip.motion)?;
+        }
         let own = clip.motion.fps;
         match self.fps {
             Some(fps) if !has_rate => clip.motion.fps = fps,
@@ -69,9 +74,6 @@ impl Source {
             _ => {}
         }
         tell(path, &notes);
-        if let Some(frames) = self.frames {
-            clip.motion = frames.of(path, &clip.motion)?;
-        }
         let Some(puppet) = &self.puppet else { return Ok((clip, None)) };
         let plan = Puppet::read(puppet)?.plan(&clip.skeleton).map_err(|mistakes| {
             let sentences: Vec<String> = mistakes.iter().map(ToString::to_string).collect();

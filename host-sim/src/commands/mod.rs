@@ -18,6 +18,7 @@ mod joints;
 pub mod monitor;
 pub mod optimize;
 pub mod play;
+mod play_report;
 pub mod profile;
 pub mod puppet;
 pub mod push;

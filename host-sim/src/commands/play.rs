@@ -1,20 +1,26 @@
-//! `bunraku play`: a clip on a puppet of virtual or real servos.
+//! `bunraku play`: clips on a puppet of virtual or real servos.
 
-use super::joints;
-use anyhow::{Context, Result, bail};
+use super::joints::Table;
+use super::play_report::{Progress, Spent, print, report};
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use firmware::clock::Speed;
 use host_sim::board;
 use host_sim::clip::Clip;
 use host_sim::files;
-use host_sim::play::{self, Recording, seconds};
-use host_sim::ports;
+use host_sim::play::{self, Note, Performance, Recording};
+use host_sim::ports::{self, Clock, ComputerClock, InstantClock, Played, Told, virtual_buses};
 use host_sim::puppet::channels;
+use host_sim::puppet_servos;
 use host_sim::rp2040js;
+use host_sim::show::{PlayedShow, Program, Summary, show_page};
 use puppet_file::{Map, Puppet};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Play a clip on the servos of a puppet, virtual or real, and log every goal position that they are told.
+/// Play clips on the servos of a puppet, virtual or real, and log every goal position that they are told.
+///
+/// Several clips are played one behind the other; each fades into the next, as long as the puppet's `fade` says.
 ///
 /// On the host, the firmware's player runs in this program; on qemu and sim, it runs on a Cortex-M4 board, and on rp2040 on a
 /// Raspberry Pi Pico, whose image is built for the clip and the puppet. All logs are the same. sim and rp2040 count cycles, so they
@@ -22,12 +28,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// the puppet home.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on qemu --log walk.csv\n  \
-        bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on /dev/ttyUSB0"
+    after_help = "Examples:\n  bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on qemu --log walk.csv\n  \
+        bunraku play walk.qmd --puppet puppets/cmu-12.toml --skeleton 02.asf --on /dev/ttyUSB0\n  \
+        bunraku play wave.mclip bow.mclip --puppet my-puppet.toml --on /dev/ttyUSB0 --loop --speed 0.5"
 )]
 pub struct Args {
-    /// The clip: .qmd or .mclip.
-    clip: PathBuf,
+    /// The clips, in their order: .qmd or .mclip.
+    #[arg(required = true, value_name = "CLIP")]
+    clips: Vec<PathBuf>,
     /// The puppet: which servo follows which channel.
     #[arg(long, value_name = "PUPPET.toml")]
     puppet: PathBuf,
@@ -36,13 +44,29 @@ pub struct Args {
     /// real servos (NAME=PORT,NAME=PORT for a puppet with several buses).
     #[arg(long, value_name = "host|qemu|sim|rp2040|PORT", default_value = "host")]
     on: On,
-    /// The skeleton whose channels the clip has (.asf, .bvh), instead of the one that the puppet names.
+    /// The skeleton whose channels the clips have (.asf, .bvh), instead of the one that the puppet names.
     #[arg(long, value_name = "S.asf")]
     skeleton: Option<PathBuf>,
-    /// Where the log goes: time in seconds, servo id, goal position (4096 a turn).
+    /// Play the clips so often; without a number until Ctrl-C (on a port). The last fades into the first.
+    #[arg(long = "loop", value_name = "TIMES", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
+    times: Option<u32>,
+    /// Play so many times as fast as recorded, 0.25 to 4; within the puppet's limits, which may keep it from following.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    speed: f64,
+    /// Begin so many seconds into the first clip; with --loop, each time.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    from: f64,
+    /// Let the servos go in the end: a puppet that they hold up falls. Not where a fault ended it, since then the puppet's `on_fault`
+    /// says what happens.
+    #[arg(long)]
+    torque_off: bool,
+    /// Where the log goes, also when playing fails: time in seconds, bus, servo id, goal position (in the servo's units).
     #[arg(long, value_name = "OUT.csv")]
     log: Option<PathBuf>,
-    /// Frames per second to play at, instead of the clip's own rate.
+    /// Write one page with each servo's way, as `bunraku show` does (host, or a port).
+    #[arg(long, value_name = "PAGE.html")]
+    html: Option<PathBuf>,
+    /// Frames per second to play at, instead of each clip's own rate.
     #[arg(long, value_name = "F")]
     fps: Option<f64>,
     /// Report as JSON.
@@ -72,94 +96,239 @@ impl From<&str> for On {
     }
 }
 
-pub fn run(args: Args) -> Result<ExitCode> {
-    let bytes = files::read(&args.clip)?;
-    let name = args.clip.display();
-    let clip = Clip::parse(&args.clip, &bytes)?;
-    let centihertz = rate(&args.clip, &clip, args.fps)?;
-    let puppet = Puppet::read(&args.puppet)?;
-    let channels = channels::of_played(&args.clip, &clip, &puppet, args.skeleton)?;
-    let map = puppet.map(channels.clone())?;
+/// What playing came to, wherever it was.
+struct Outcome {
+    recording: Recording,
+    notes: Vec<Note>,
+    /// What only playing in real time has.
+    live: Option<Played>,
+    /// What only a board that counts cycles has.
+    spent: Option<Spent>,
+    failed: Option<anyhow::Error>,
+}
 
-    let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
+impl Outcome {
+    const fn of(recording: Recording, spent: Option<Spent>) -> Self {
+        Self { recording, notes: Vec::new(), live: None, spent, failed: None }
+    }
+}
+
+impl From<Played> for Outcome {
+    fn from(live: Played) -> Self {
+        Self {
+            recording: live.recording.clone(),
+            notes: live.notes.clone(),
+            failed: live.failed.clone().map(|why| anyhow!(why)),
+            live: Some(live),
+            spent: None,
+        }
+    }
+}
+
+pub fn run(args: Args) -> Result<ExitCode> {
+    let bytes = args.clips.iter().map(|path| files::read(path)).collect::<Result<Vec<_>>>()?;
+    let parsed = args.clips.iter().zip(&bytes).map(|(path, bytes)| Clip::parse(path, bytes));
+    let clips = parsed.collect::<Result<Vec<_>>>()?;
+    let puppet = Puppet::read(&args.puppet)?;
+    let map = map_of(&args, &clips, &puppet)?;
+    let performance = performance(&args, &clips)?;
+    let one = args.clips[0].display();
+    let name = if clips.len() == 1 { one.to_string() } else { format!("{} clips", clips.len()) };
+    check_place(&args, &map)?;
+
+    let (clip, bytes_of_one, centihertz) = (&clips[0], &bytes[0], performance.centihertz);
     let log = &mut |line: &str| eprintln!("{line}");
-    let mut live = None;
     let played = match &args.on {
-        On::Host => play::on_host(&clip, &map, centihertz).map(|recording| (recording, None)),
-        On::Qemu => play::on_qemu(&clip, &bytes, &map, centihertz, log).map(|recording| (recording, None)),
-        On::Sim => play::on_sim(&clip, &bytes, &map, centihertz, log).map(|(recording, usage)| {
-            (recording, Some(Spent::of(usage.cycles, usage.asleep, board::QEMU_CLOCK_HZ)))
+        On::Host => on_host(&args, &performance, &map),
+        On::Qemu => {
+            let played = play::on_qemu(clip, bytes_of_one, &map, centihertz, log);
+            played.map(|recording| Outcome::of(recording, None))
+        }
+        On::Sim => play::on_sim(clip, bytes_of_one, &map, centihertz, log).map(|(recording, usage)| {
+            Outcome::of(recording, Some(Spent::of(usage.cycles, usage.asleep, board::QEMU_CLOCK_HZ)))
         }),
-        On::Rp2040 => play::on_rp2040(&clip, &bytes, &map, centihertz, log).map(|(recording, figures)| {
-            eprintln!(
-                "the bus changed its direction at most {:.1} µs after a packet",
-                figures.turnaround_nanos as f64 / 1e3
-            );
-            let cycles = (u128::from(figures.nanos) * u128::from(rp2040js::CLOCK_HZ) / 1_000_000_000) as u64;
-            let asleep = cycles.saturating_sub(figures.cycles);
-            (recording, Some(Spent::of(cycles, asleep, rp2040js::CLOCK_HZ)))
-        }),
+        On::Rp2040 => {
+            play::on_rp2040(clip, bytes_of_one, &map, centihertz, log).map(|(recording, figures)| {
+                eprintln!(
+                    "the bus changed its direction at most {:.1} µs after a packet",
+                    figures.turnaround_nanos as f64 / 1e3
+                );
+                let cycles =
+                    (u128::from(figures.nanos) * u128::from(rp2040js::CLOCK_HZ) / 1_000_000_000) as u64;
+                let asleep = cycles.saturating_sub(figures.cycles);
+                Outcome::of(recording, Some(Spent::of(cycles, asleep, rp2040js::CLOCK_HZ)))
+            })
+        }
         On::Port(port) => {
             let buses = ports::open(&map, &ports::paths(port, &puppet.bus_names(), |_| true)?)?;
-            let asked = asked_to_end()?;
-            clip.decode(|frames| {
-                ports::play(frames, &map, rate, buses, &ports::ComputerClock::start(), asked, log)
-            })
-            .map(|played| {
-                let recording = played.recording.clone();
-                live = Some(played);
-                (recording, None)
-            })
+            let (asked, progress) = (asked_to_end()?, Progress::new(&performance));
+            let clock = ComputerClock::start();
+            let played =
+                ports::play(&performance, &map, buses, &clock, asked, &mut |told| progress.show(told));
+            progress.end();
+            played.map(Outcome::from)
         }
     };
-    let joints = joints::Table::of_clip(&args.clip, &clip, rate, &puppet, &map, &channels)?;
-    let (recording, spent) = played.with_context(|| format!("cannot play {name}"))?;
+    let outcome = played.with_context(|| format!("cannot play {name}"))?;
+    // What there is of a log says best what went wrong.
     if let Some(log) = &args.log {
-        write_log(log, &recording)?;
+        write_log(log, &outcome.recording, &puppet.bus_names())?;
     }
-    let servos = map.joints().len();
-    let duration = map.tick_micros(recording.ticks);
     if args.json {
-        let report = serde_json::json!({
-            "on": args.on, "ticks": recording.ticks, "servos": servos, "servo_hz": map.tick_hz(),
-            "seconds": duration as f64 / 1e6, "goals": recording.goals.len(), "log": args.log,
-            "cycles": spent.map(|spent| spent.cycles), "cycles_asleep": spent.map(|spent| spent.asleep),
-            "awake": spent.map(|spent| spent.awake),
-            "late_ticks": live.as_ref().map(|live| live.late),
-            "longest_bus_ms": live.as_ref().map(|live| live.longest.as_secs_f64() * 1e3),
-            "state": live.as_ref().map(|live| format!("{:?}", live.state)),
-            "joints": joints,
-        });
-        println!("{report:#}");
-    } else {
-        println!(
-            "{name}: {} ticks at {} Hz on {servos} servos, {} s",
-            recording.ticks,
-            map.tick_hz(),
-            seconds(duration)
-        );
-        if let Some(live) = live {
+        let on = serde_json::to_value(&args.on)?;
+        let log = serde_json::to_value(&args.log)?;
+        let failed = outcome.failed.as_ref().map(|why| format!("{why:#}"));
+        let figures = report(&map, &outcome.recording, outcome.live.as_ref(), outcome.spent);
+        let joints = serde_json::to_value(tables(&args, &clips, centihertz, &puppet, &map)?)?;
+        let more = [("on", on), ("log", log), ("failed", failed.into()), ("joints", joints)];
+        println!("{:#}", figures.with(more));
+    } else if outcome.failed.is_none() {
+        print(&name, &map, &outcome.recording, outcome.live.as_ref(), outcome.spent);
+        let tables = tables(&args, &clips, centihertz, &puppet, &map)?;
+        for (path, table) in args.clips.iter().zip(tables) {
             println!(
-                "  the buses took {:.2} ms of a tick at most, {} ticks began late; the puppet ends {:?}",
-                live.longest.as_secs_f64() * 1e3,
-                live.late,
-                live.state
+                "{}, the whole of it, as the player tells the servos at the clip's speed:",
+                path.display()
             );
+            table.print();
         }
-        if let Some(spent) = spent {
-            println!(
-                "  {} cycles at {} MHz, of which {} awake: {:.3} %, {:.0} cycles a tick",
-                spent.cycles,
-                spent.clock_hz / 1_000_000,
-                spent.cycles - spent.asleep,
-                100.0 * spent.awake,
-                (spent.cycles - spent.asleep) as f64 / f64::from(recording.ticks.max(1)),
-            );
-        }
-        println!("The whole clip, as the player tells the servos:");
-        joints.print();
     }
-    Ok(ExitCode::SUCCESS)
+    if let Some(page) = &args.html {
+        write_page(page, &args, &map, &puppet, bytes, &outcome)?;
+    }
+    match outcome.failed {
+        Some(why) => Err(why.context(format!("cannot play {name} to its end"))),
+        None => Ok(ExitCode::SUCCESS),
+    }
+}
+
+/// The map of clips that all have the same channels.
+fn map_of(args: &Args, clips: &[Clip<'_>], puppet: &Puppet) -> Result<Map> {
+    let channels = channels::of_played(&args.clips[0], &clips[0], puppet, args.skeleton.clone())?;
+    for (path, clip) in args.clips.iter().zip(clips).skip(1) {
+        channels::check_clip(path, clip, &channels)?;
+    }
+    Ok(puppet.map(channels)?)
+}
+
+/// The joints in each clip.
+fn tables(
+    args: &Args,
+    clips: &[Clip<'_>],
+    centihertz: u16,
+    puppet: &Puppet,
+    map: &Map,
+) -> Result<Vec<Table>> {
+    let channels = channels::of_played(&args.clips[0], &clips[0], puppet, args.skeleton.clone())?;
+    let table = |(path, clip): (&PathBuf, &Clip<'_>)| {
+        let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
+        Table::of_clip(path, clip, rate, puppet, map, &channels)
+    };
+    args.clips.iter().zip(clips).map(table).collect()
+}
+
+/// What is asked of the player.
+fn performance<'c>(args: &Args, clips: &'c [Clip<'c>]) -> Result<Performance<'c>> {
+    let mut centihertz = 0;
+    for (path, clip) in args.clips.iter().zip(clips) {
+        centihertz = rate(path, clip, args.fps)?;
+    }
+    ensure!(
+        (0.25..=4.0).contains(&args.speed),
+        "--speed is {}, expected 0.25 (four times as long as recorded) to 4",
+        args.speed
+    );
+    let first = if centihertz > 0 { centihertz } else { clips[0].rate_centihertz() };
+    let start = (args.from * f64::from(first) / 100.0).round();
+    ensure!(
+        (0.0..f64::from(clips[0].frames())).contains(&start),
+        "--from is {} s, expected 0 to less than {:.2} s, where {} ends",
+        args.from,
+        f64::from(clips[0].frames()) * 100.0 / f64::from(first),
+        args.clips[0].display()
+    );
+    Ok(Performance {
+        clips: args.clips.iter().map(|path| path.display().to_string()).zip(clips).collect(),
+        centihertz,
+        times: args.times.unwrap_or(1),
+        start: start as u32,
+        speed: Speed::new((args.speed * 256.0).round() as u16),
+        torque_off: args.torque_off,
+    })
+}
+
+/// Whether what is asked can be done where it is asked.
+fn check_place(args: &Args, map: &Map) -> Result<()> {
+    if args.html.is_some()
+        && let Some(blind) = map.buses().iter().find(|bus| !bus.kind.reads())
+    {
+        bail!(
+            "--html shows where the servos were, and those of the kind \"{}\" do not say that",
+            blind.kind.name()
+        );
+    }
+    match args.on {
+        On::Port(_) => Ok(()),
+        On::Host if args.times == Some(0) => {
+            bail!("--loop has no end on the host: say how often, for instance --loop=3")
+        }
+        On::Host => Ok(()),
+        On::Qemu | On::Sim | On::Rp2040 => {
+            let plain = args.times.is_none() && args.speed == 1.0 && args.from == 0.0;
+            ensure!(
+                plain && args.clips.len() == 1 && !args.torque_off && args.html.is_none(),
+                "a board plays one clip, once and as it is: play several, or with --loop, --speed, --from, --torque-off or --html, \
+                 on host or on a port; `bunraku show` plays several on qemu and sim"
+            );
+            Ok(())
+        }
+    }
+}
+
+/// Virtual servos in this program, as fast as it goes.
+fn on_host(args: &Args, performance: &Performance<'_>, map: &Map) -> Result<Outcome> {
+    // The player's own virtual servos come to rest with what they were told last; only the others are let go.
+    if play::has_servos_for(map) && !args.torque_off {
+        let play::Performed { recording, notes, failed } = play::perform(performance, map)?;
+        return Ok(Outcome { recording, notes, live: None, spent: None, failed });
+    }
+    let (clock, served) = (InstantClock::default(), puppet_servos::read(&args.puppet)?);
+    let now = || clock.now();
+    let buses = virtual_buses::open(map, &served, &now)?;
+    let played = ports::play(performance, map, buses, &clock, &AtomicUsize::new(0), &mut |told| {
+        if let Told::Line(line) = told
+            && line.contains(' ')
+        {
+            eprintln!("{line}");
+        }
+    })?;
+    Ok(Outcome { live: None, ..Outcome::from(played) })
+}
+
+/// Writes the page of what was played.
+fn write_page(
+    path: &Path,
+    args: &Args,
+    map: &Map,
+    puppet: &Puppet,
+    bytes: Vec<Vec<u8>>,
+    outcome: &Outcome,
+) -> Result<()> {
+    let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let names = args.clips.iter().map(|clip| stem(clip));
+    let title = names.clone().collect::<Vec<_>>().join(", ");
+    let clips = names.zip(&args.clips).zip(bytes).map(|((name, path), bytes)| (name, path.clone(), bytes));
+    let program = Program::of_clips(title, map.clone(), puppet, clips.collect());
+    // The page counts ticks in which goals were sent.
+    let mut recording = outcome.recording.clone();
+    recording.ticks = recording.present.len() as u32;
+    for (goal, taken) in recording.goals.iter_mut().enumerate() {
+        taken.time_us = map.tick_micros((goal / map.joints().len()) as u32);
+    }
+    let played = PlayedShow { recording, notes: outcome.notes.clone(), costs: Vec::new() };
+    let on = if matches!(args.on, On::Port(_)) { "port" } else { "host" };
+    let page = show_page(&program, &played, &Summary::new(&program, &played, on));
+    files::write(path, |file| Ok(file.write_all(page.as_bytes())?))
 }
 
 /// Counts how often Ctrl-C was pressed, or somebody asked this program to end by a signal.
@@ -170,22 +339,6 @@ pub fn asked_to_end() -> Result<&'static AtomicUsize> {
     };
     ctrlc::set_handler(note).context("cannot take Ctrl-C")?;
     Ok(&ASKED)
-}
-
-/// How a core's cycles were spent.
-#[derive(Clone, Copy)]
-struct Spent {
-    cycles: u64,
-    asleep: u64,
-    clock_hz: u32,
-    /// The part in which it was not asleep.
-    awake: f64,
-}
-
-impl Spent {
-    fn of(cycles: u64, asleep: u64, clock_hz: u32) -> Self {
-        Self { cycles, asleep, clock_hz, awake: 1.0 - asleep as f64 / cycles as f64 }
-    }
 }
 
 /// The rate to play at in hundredths of a hertz, or 0 for the clip's own.
@@ -212,6 +365,6 @@ fn centihertz(fps: f64) -> Result<u16> {
 }
 
 /// Writes what the servos were told, a line for every goal.
-pub fn write_log(path: &Path, recording: &Recording) -> Result<()> {
-    files::write(path, |file| Ok(recording.write_csv(file)?))
+pub fn write_log(path: &Path, recording: &Recording, buses: &[String]) -> Result<()> {
+    files::write(path, |file| Ok(recording.write_csv(file, buses)?))
 }

@@ -397,6 +397,9 @@ fn load(path: &Path, args: &Args) -> Result<Named> {
 /// A motion; an AMC with this skeleton, or with that of its subject.
 pub fn named(path: &Path, skeleton: Option<&Path>) -> Result<Named> {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    if name.contains('*') && !path.exists() {
+        bail!("no file has a name like {}: is the folder there?", path.display());
+    }
     let is_amc = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("amc"));
     let of_subject = || path.with_file_name(name.split_once('_').unwrap_or_default().0).with_extension("asf");
     let skeleton = match skeleton {

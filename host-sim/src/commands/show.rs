@@ -27,7 +27,7 @@ pub struct Args {
     /// Write a page with plots: goals and positions, errors, speeds, deadlines, states and faults.
     #[arg(long, value_name = "PAGE.html")]
     html: Option<PathBuf>,
-    /// Write every goal: time in seconds, servo, position.
+    /// Write every goal: time in seconds, bus, servo, position.
     #[arg(long, value_name = "OUT.csv")]
     log: Option<PathBuf>,
     /// Report as JSON.
@@ -63,7 +63,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         files::write(path, |file| Ok(file.write_all(page.as_bytes())?))?;
     }
     if let Some(path) = &args.log {
-        super::play::write_log(path, &played.recording)?;
+        super::play::write_log(path, &played.recording, &program.buses)?;
     }
     if args.json {
         let notes = serde_json::to_value(&played.notes)?;

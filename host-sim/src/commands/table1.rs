@@ -17,7 +17,7 @@ use std::process::ExitCode;
 /// mean distance over all joints and frames in cm after forward kinematics.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  bunraku table1 --motion ../shared/motion/cmu\n  bunraku table1 --motion ../shared/motion/cmu --packed\n\nThe folder holds 16_46.amc, 16.asf and so on, from mocap.cs.cmu.edu. The exit code is 1 where a size is not the\npaper's or our encoder's error is above 1/20 of the faithful one's; with --packed, where a clip takes more than 20 %\nof the paper's bytes to have the faithful encoder's error, or more than 35 % to have 0.45 cm."
+    after_help = "Example:\n  bunraku table1 --motion cmu\n  bunraku table1 --motion cmu --packed\n\nThe folder holds 16_46.amc, 16.asf and so on, from mocap.cs.cmu.edu. The exit code is 1 where a size is not the\npaper's or our encoder's error is above 1/20 of the faithful one's; with --packed, where a clip takes more than 20 %\nof the paper's bytes to have the faithful encoder's error, or more than 35 % to have 0.45 cm."
 )]
 pub struct Args {
     /// Folder of the CMU trials.

@@ -33,8 +33,10 @@ pub(crate) struct Recorder<'m> {
     taken: usize,
     /// Servos on the line.
     on_line: usize,
-    /// Servos on pins: their kinds and ids.
-    on_pins: Vec<(BusKind, u8)>,
+    /// Number of the bus that is the line.
+    line: u8,
+    /// Servos on pins: kind and number of their bus, and their ids.
+    on_pins: Vec<(BusKind, u8, u8)>,
     /// Ticks after which pins were looked at last.
     looked: u32,
 }
@@ -58,21 +60,20 @@ impl<'m> Recorder<'m> {
     /// A sentence for a puppet that has others.
     pub(crate) fn with_pins(map: &'m Map) -> Result<Self> {
         let kind = |joint: &Joint| map.buses().get(usize::from(joint.bus)).map(|bus| bus.kind);
-        for (index, bus) in map.buses().iter().enumerate() {
-            let here = matches!(bus.kind, BusKind::Dynamixel | BusKind::Pwm | BusKind::Pca9685);
-            if !here || map.buses().iter().take(index).any(|other| other.kind == bus.kind) {
-                bail!(
-                    "the virtual servos are Dynamixel X on one bus and hobby servos on one board's pins, and this puppet has \
-                     others: `bunraku servos` serves them on ports"
-                );
-            }
+        if !has_servos_for(map) {
+            bail!(
+                "the virtual servos are Dynamixel X on one bus and hobby servos on one board's pins, and this puppet has \
+                 others: `bunraku servos` serves them on ports"
+            );
         }
         let joints = || map.joints().iter();
         let servos = joints()
             .filter(|joint| kind(joint) == Some(BusKind::Dynamixel))
             .map(|joint| ServoConfig { position: joint.home, ..ServoConfig::new(joint.id) });
         let config = DynamixelConfig { servos: servos.collect(), ..DynamixelConfig::with_ids(&[]) };
-        let on_pins = joints().filter_map(|joint| Some((kind(joint)?, joint.id)));
+        let on_pins = joints().filter_map(|joint| Some((kind(joint)?, joint.bus, joint.id)));
+        let line =
+            map.buses().iter().position(|bus| bus.kind == BusKind::Dynamixel).unwrap_or_default() as u8;
         Ok(Self {
             map,
             servos: DynamixelServos::new(&config)?,
@@ -84,7 +85,8 @@ impl<'m> Recorder<'m> {
             unanswered: false,
             taken: 0,
             on_line: config.servos.len(),
-            on_pins: on_pins.filter(|(kind, _)| *kind != BusKind::Dynamixel).collect(),
+            line,
+            on_pins: on_pins.filter(|(kind, ..)| *kind != BusKind::Dynamixel).collect(),
             looked: 0,
         })
     }
@@ -98,8 +100,8 @@ impl<'m> Recorder<'m> {
             BusKind::Pca9685 => pins.pca9685_us(id),
             _ => None,
         };
-        let pulses = on_pins.iter().filter_map(|&(kind, id)| Some((id, pulse_us(kind, id)?)));
-        let pulses: Vec<(u8, i32)> = pulses.collect();
+        let pulses = on_pins.iter().filter_map(|&(kind, bus, id)| Some((bus, id, pulse_us(kind, id)?)));
+        let pulses: Vec<(u8, u8, i32)> = pulses.collect();
         if *on_line == 0 && (recording.ticks > 0 || !pulses.is_empty()) {
             recording.ticks += 1;
         }
@@ -108,7 +110,12 @@ impl<'m> Recorder<'m> {
         }
         *looked = recording.ticks;
         let time_us = map.tick_micros(recording.ticks - 1);
-        recording.goals.extend(pulses.into_iter().map(|(id, position)| Taken { time_us, id, position }));
+        recording.goals.extend(pulses.into_iter().map(|(bus, id, position)| Taken {
+            time_us,
+            bus,
+            id,
+            position,
+        }));
     }
 
     /// Has something happen to the servos at a tick; what they refuse and miss is no failure of the recording then.
@@ -175,12 +182,12 @@ impl<'m> Recorder<'m> {
 
     /// Gives the servos the packet.
     fn pass_on(&mut self) -> Vec<u8> {
-        let Self { map, servos, packet, recording, fault, disturbed, taken, .. } = self;
+        let Self { map, servos, packet, recording, fault, disturbed, taken, line: bus, .. } = self;
         let time_us = map.tick_micros(recording.ticks);
         let mut tap = |event| match event {
             Event::Goal { id, position, .. } => {
                 *taken += 1;
-                recording.goals.push(Taken { time_us, id, position });
+                recording.goals.push(Taken { time_us, bus: *bus, id, position });
             }
             Event::Refused { .. } if *disturbed => recording.refused += 1,
             Event::Refused { id, error, .. } => {
@@ -196,8 +203,19 @@ impl<'m> Recorder<'m> {
 
     /// What was recorded, if it arrived whole.
     pub(crate) fn finish(self) -> Result<Recording> {
-        if let Some(fault) = self.fault {
-            bail!(fault);
+        let (recording, sound) = self.end();
+        sound.map(|()| recording)
+    }
+
+    /// What was recorded, and whether it arrived whole.
+    pub(crate) fn end(self) -> (Recording, Result<()>) {
+        let sound = self.check();
+        (self.recording, sound)
+    }
+
+    fn check(&self) -> Result<()> {
+        if let Some(fault) = &self.fault {
+            bail!("{fault}");
         }
         if !self.packet.is_empty() {
             bail!("the last packet on the servo bus was cut after {} bytes", self.packet.len());
@@ -207,8 +225,16 @@ impl<'m> Recorder<'m> {
         if !self.disturbed && goals != expected {
             bail!("the servos took {goals} goals in {ticks} ticks, expected {expected}");
         }
-        Ok(self.recording)
+        Ok(())
     }
+}
+
+/// Whether a recorder has the servos of a puppet: Dynamixel X on one bus, and hobby servos on one board's pins.
+pub fn has_servos_for(map: &Map) -> bool {
+    map.buses().iter().enumerate().all(|(index, bus)| {
+        let here = matches!(bus.kind, BusKind::Dynamixel | BusKind::Pwm | BusKind::Pca9685);
+        here && map.buses().iter().take(index).all(|other| other.kind != bus.kind)
+    })
 }
 
 fn is_tick(packet: &Packet<'_>) -> bool {

@@ -7,6 +7,8 @@ use std::io;
 pub struct Taken {
     /// The tick's time in microseconds: its number times the tick's period, rounded down.
     pub time_us: u64,
+    /// The number of its bus in the puppet.
+    pub bus: u8,
     /// The servo.
     pub id: u8,
     /// The goal position.
@@ -27,14 +29,15 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Writes the log: a header, then time in seconds, servo id and goal position, a line a goal.
+    /// Writes the log: a header, then time in seconds, bus, servo id and goal position, a line a goal. `buses` are their names.
     ///
     /// # Errors
     /// Those of `file`.
-    pub fn write_csv(&self, file: &mut dyn io::Write) -> io::Result<()> {
-        writeln!(file, "time_s,servo,goal_position")?;
-        for Taken { time_us, id, position } in &self.goals {
-            writeln!(file, "{},{id},{position}", seconds(*time_us))?;
+    pub fn write_csv(&self, file: &mut dyn io::Write, buses: &[String]) -> io::Result<()> {
+        writeln!(file, "time_s,bus,servo,goal_position")?;
+        for Taken { time_us, bus, id, position } in &self.goals {
+            let bus = buses.get(usize::from(*bus)).map_or("", String::as_str);
+            writeln!(file, "{},{bus},{id},{position}", seconds(*time_us))?;
         }
         Ok(())
     }

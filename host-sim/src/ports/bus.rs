@@ -2,6 +2,8 @@
 
 use super::serial::{RealTime, Serial};
 use anyhow::{Result, bail};
+use embedded_hal_async::delay::DelayNs;
+use embedded_io_async::{Read, Write};
 use firmware::map::{BusKind, BusSpec, MAX_BUSES};
 use puppet_file::Map;
 use servo_wire::blender::BlenderBus;
@@ -20,16 +22,16 @@ pub const SLACK_US: u32 = 20_000;
 /// Longest that servos wait before they answer as they leave the factory, in microseconds.
 pub const RETURN_DELAY_US: u32 = 500;
 
-/// A bus on a serial port.
-pub enum SerialBus {
+/// A bus on a serial port, or on another line.
+pub enum SerialBus<S = Serial, T = RealTime> {
     /// Dynamixel protocol 2.0.
-    Dynamixel(Box<DynamixelBus<Serial, Automatic, RealTime>>),
+    Dynamixel(Box<DynamixelBus<S, Automatic, T>>),
     /// Dynamixel protocol 1.0.
-    Dynamixel1(Box<Protocol1Bus<Serial, Automatic, RealTime>>),
+    Dynamixel1(Box<Protocol1Bus<S, Automatic, T>>),
     /// Feetech STS or SCS.
-    Feetech(Box<FeetechBus<Serial, Automatic, RealTime>>),
+    Feetech(Box<FeetechBus<S, Automatic, T>>),
     /// Blender Servo Animation's live frames.
-    Blender(Box<BlenderBus<Serial, RealTime>>),
+    Blender(Box<BlenderBus<S, T>>),
 }
 
 /// The buses of a puppet as one.
@@ -54,14 +56,20 @@ impl SerialBus {
         if matches!(kind, BusKind::Pwm | BusKind::Pca9685) {
             bail!("servos on {} hang on a board's pins, not on a serial port", kind.name());
         }
-        let serial = Serial::open(path, baud)?;
-        if kind == BusKind::Blender {
-            return Ok(Self::Blender(Box::new(BlenderBus::new(serial, RealTime, baud))));
-        }
         let line =
             LineConfig { slack_us: SLACK_US, return_delay_us: RETURN_DELAY_US, ..LineConfig::uart(baud) };
-        let port = Port::new(serial, Automatic, RealTime, line);
-        Ok(match kind {
+        Ok(Self::on(kind, Serial::open(path, baud)?, RealTime, line))
+    }
+}
+
+impl<S: Read + Write, T: DelayNs> SerialBus<S, T> {
+    /// A bus of this kind on a line; one of pins is taken for Dynamixel protocol 2.0.
+    pub fn on(kind: BusKind, serial: S, delay: T, line: LineConfig) -> Self {
+        if kind == BusKind::Blender {
+            return Self::Blender(Box::new(BlenderBus::new(serial, delay, line.baud)));
+        }
+        let port = Port::new(serial, Automatic, delay, line);
+        match kind {
             BusKind::Dynamixel1 => {
                 Self::Dynamixel1(Box::new(Protocol1Bus::new(protocol1::Protocol1Client::new(port))))
             }
@@ -70,7 +78,7 @@ impl SerialBus {
                 Self::Feetech(Box::new(FeetechBus::new(protocol1::Protocol1Client::new(port), series)))
             }
             _ => Self::Dynamixel(Box::new(DynamixelBus::new(dynamixel::DynamixelClient::new(port)))),
-        })
+        }
     }
 
     /// Asks a servo who it is; changes nothing in it.
@@ -119,6 +127,70 @@ impl SerialBus {
         Ok(found)
     }
 
+    /// How many servos have this id. Asks for what they measure, in which no two are alike: where they talk at once, what is heard is
+    /// no answer.
+    ///
+    /// # Errors
+    /// [`BusError::NoReply`] where there is none, [`BusError::Corrupt`] where several talk at once.
+    pub async fn count_answers(&mut self, id: u8) -> Result<usize, BusError> {
+        match self {
+            Self::Dynamixel(bus) => {
+                let (first, last) =
+                    (dynamixel::table::REALTIME_TICK.address, dynamixel::table::PRESENT_TEMPERATURE.address);
+                bus.client().count_answers(id, first, last - first + 1).await
+            }
+            // Position, speed, load, voltage, temperature.
+            Self::Dynamixel1(bus) => bus.client().count_answers(id, 36, 8).await,
+            Self::Feetech(bus) => bus.client().count_answers(id, 56, 8).await,
+            Self::Blender(_) => Err(BusError::Unsupported),
+        }
+    }
+
+    /// Lets the servo `from` go and gives it the id `to`, which it keeps without power. Whether it took it is for the caller to see: a
+    /// servo may answer with either id or not at all.
+    ///
+    /// # Errors
+    /// [`BusError`] where it cannot be let go or unlocked.
+    pub async fn set_id(&mut self, from: u8, to: u8) -> Result<(), BusError> {
+        let lock = self.lock();
+        let taken = match self {
+            Self::Dynamixel(bus) => {
+                use dynamixel::table::{ID, TORQUE_ENABLE};
+                // The table's EEPROM cannot be written while torque is on.
+                bus.client().write(from, TORQUE_ENABLE.address, &[0]).await?;
+                bus.client().write(from, ID.address, &[to]).await.map(drop)
+            }
+            Self::Dynamixel1(bus) => {
+                bus.client().write(from, 24, &[0]).await?;
+                bus.client().write(from, 3, &[to]).await.map(drop)
+            }
+            Self::Feetech(bus) => {
+                let client = bus.client();
+                client.write(from, 40, &[0]).await?;
+                client.write(from, lock, &[0]).await?;
+                let taken = client.write(from, 5, &[to]).await.map(drop);
+                // Whichever id it has now is to be locked again.
+                if client.write(to, lock, &[1]).await.is_err() {
+                    client.write(from, lock, &[1]).await?;
+                }
+                taken
+            }
+            Self::Blender(_) => return Err(BusError::Unsupported),
+        };
+        match taken {
+            Err(BusError::NoReply) => Ok(()),
+            taken => taken,
+        }
+    }
+
+    /// Where a Feetech servo's lock is: while it is 1, what is written to the EEPROM is forgotten without power.
+    const fn lock(&self) -> u8 {
+        match self {
+            Self::Feetech(bus) if matches!(bus.series(), Series::Scs) => 48,
+            _ => 55,
+        }
+    }
+
     /// Reads one servo; writes nothing to it.
     ///
     /// # Errors
@@ -135,8 +207,8 @@ impl SerialBus {
 }
 
 /// As [`SerialBus::look`], without the indirect addresses that a player sets up.
-async fn look_at_dynamixel(
-    bus: &mut DynamixelBus<Serial, Automatic, RealTime>,
+async fn look_at_dynamixel<S: Read + Write, T: DelayNs>(
+    bus: &mut DynamixelBus<S, Automatic, T>,
     id: u8,
 ) -> Result<Reading, BusError> {
     use dynamixel::table::*;
@@ -159,7 +231,7 @@ async fn look_at_dynamixel(
     })
 }
 
-impl_servo_bus!([] SerialBus { Dynamixel, Dynamixel1, Feetech, Blender });
+impl_servo_bus!([S: Read + Write, T: DelayNs] SerialBus<S, T> { Dynamixel, Dynamixel1, Feetech, Blender });
 
 /// Which port each of those buses of a puppet is on that are `wanted`: `PORT`, or `NAME=PORT,NAME=PORT` for several. Ports of others
 /// may be named.

@@ -1,6 +1,7 @@
 //! The clock that ticks are due by: this computer's, or one that a test moves on.
 
 use super::serial;
+use std::cell::Cell;
 use std::time::{Duration, Instant};
 
 /// A clock.
@@ -21,6 +22,20 @@ impl ComputerClock {
     #[must_use]
     pub fn start() -> Self {
         Self(Instant::now())
+    }
+}
+
+/// Time that goes on at once, by as much as somebody waits for.
+#[derive(Debug, Default)]
+pub struct InstantClock(Cell<Duration>);
+
+impl Clock for InstantClock {
+    fn now(&self) -> Duration {
+        self.0.get()
+    }
+
+    async fn until(&self, time: Duration) {
+        self.0.set(self.0.get().max(time));
     }
 }
 

@@ -1,18 +1,16 @@
-//! Plays a clip or follows live frames on ports, each tick when it is due by a clock.
+//! Plays clips or follows live frames on ports, each tick when it is due by a clock.
 
 use super::clock::Clock;
 use super::serial::block_on;
-use crate::play::{Recording, Taken};
-use anyhow::{Result, bail};
+use crate::play::{Note, Notes, Performance, Recording, Taken};
+use anyhow::Result;
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::decoder_list::SingleClip;
-use firmware::fault::Feedback;
+use firmware::fault::{Fault, Feedback};
 use firmware::follow::{Counters, Follow, goal_map};
-use firmware::frames::Frames;
 use firmware::library::Library;
 use firmware::machine::{Command, Machine, Show, Start, State};
 use firmware::map::MAX_SERVOS;
-use firmware::playback::Playback;
 use puppet_file::Map;
 use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
 use std::cell::Cell;
@@ -20,17 +18,44 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
+/// What a player tells on its way.
+#[derive(Clone, Copy, Debug)]
+pub enum Told<'t> {
+    /// A state, or a sentence.
+    Line(&'t str),
+    /// Each tick while a clip plays: its number, and the frame that it is at.
+    At {
+        /// The clip.
+        clip: u16,
+        /// The frame.
+        frame: u32,
+    },
+}
+
+/// Ticks that began after the next one was due.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Late {
+    /// How many.
+    pub ticks: u32,
+    /// How long after it was due itself the latest of them began.
+    pub most: Duration,
+}
+
 /// What playing on a port came to.
 #[derive(Clone, Debug)]
 pub struct Played {
-    /// What the servos were told, with the time since the first tick.
+    /// What the servos were told, with the time since the first tick, and where they were.
     pub recording: Recording,
-    /// Ticks that began after the next one was due.
-    pub late: u32,
+    /// What changed, in order, with its tick since goals were sent.
+    pub notes: Vec<Note>,
+    /// Ticks that were late.
+    pub late: Late,
     /// Longest time that the buses took in a tick.
     pub longest: Duration,
     /// Where the puppet was in the end.
     pub state: State,
+    /// Why it did not come to its end: the fault that was latched. The servos then hold, or not, as the puppet's policy says.
+    pub failed: Option<String>,
 }
 
 /// Plays from finding the servos to rest.
@@ -39,27 +64,25 @@ pub struct Played {
 /// is left where it is, held by its servos. `say` is told of each state.
 ///
 /// # Errors
-/// Where clip and map do not fit together, and the fault where one was latched; the servos then hold, or not, as the
-/// puppet's policy says.
+/// Where clips and map do not fit together.
 pub fn play(
-    frames: &mut dyn Frames,
+    performance: &Performance<'_>,
     map: &Map,
-    rate: u16,
     bus: impl ServoBus,
     clock: &impl Clock,
     asked: &AtomicUsize,
-    say: &mut dyn FnMut(&str),
+    say: &mut dyn FnMut(Told<'_>),
 ) -> Result<Played> {
-    let frames =
-        Playback::new(frames, map, false, 0).map(Playback::into_frames).map_err(|(error, _)| error)?;
-    perform(SingleClip::new(frames, Some(rate)), map, bus, clock, asked, say, &mut || None)
+    performance.with_machine(map, |machine| {
+        Ok(perform(machine, bus, clock, asked, performance.torque_off, say, &mut |_| None))
+    })
 }
 
 /// Follows live frames in goal units that come as bytes, from finding the servos until somebody asks for an end or the one who sends
 /// falls silent for `lost_millis` (0: may be silent for ever), which is a fault; otherwise as [`play`].
 ///
 /// # Errors
-/// As [`play`].
+/// None that the map does not have already.
 pub fn follow(
     input: &Receiver<Vec<u8>>,
     lost_millis: u16,
@@ -67,30 +90,43 @@ pub fn follow(
     bus: impl ServoBus,
     clock: &impl Clock,
     asked: &AtomicUsize,
-    say: &mut dyn FnMut(&str),
+    say: &mut dyn FnMut(Told<'_>),
 ) -> Result<(Played, Counters)> {
     let map = goal_map(map)?;
     let follow = Follow::new(&map, lost_millis);
-    let mut tick = || {
+    let (mut garbage, mut foreign) = (false, false);
+    let mut tick = |say: &mut dyn FnMut(Told<'_>)| {
         input.try_iter().for_each(|bytes| follow.feed(&bytes));
+        let counters = follow.counters();
+        // As many may begin a frame that is still on its way.
+        if counters.skipped() > 4 && !std::mem::replace(&mut garbage, true) {
+            say(Told::Line("bytes came that are no frame, and are skipped"));
+        }
+        if counters.foreign > 0 && !std::mem::replace(&mut foreign, true) {
+            say(Told::Line("frames came for ids that the puppet does not have, and are ignored"));
+        }
         follow.tick().then_some(Command::LinkLost)
     };
-    let played = perform(SingleClip::new(follow.frames(), None), &map, bus, clock, asked, say, &mut tick)?;
+    let show = Show { playlist: &[0], ..Show::default() };
+    let machine = Machine::new(&map, SingleClip::<_>::new(follow.frames(), None), show, Start::Power);
+    let played = perform(machine, bus, clock, asked, false, say, &mut tick);
     Ok((played, follow.counters()))
 }
 
-/// Performs clip 0 of a library. `each_tick` may command something.
+/// May command something in each tick.
+type EachTick<'t> = dyn FnMut(&mut dyn FnMut(Told<'_>)) -> Option<Command> + 't;
+
+/// Performs what a machine has been told to.
 fn perform<L: Library>(
-    library: L,
-    map: &Map,
+    mut machine: Machine<'_, L, MAX_SERVOS>,
     bus: impl ServoBus,
     clock: &impl Clock,
     asked: &AtomicUsize,
-    say: &mut dyn FnMut(&str),
-    each_tick: &mut dyn FnMut() -> Option<Command>,
-) -> Result<Played> {
-    let show = Show { playlist: &[0], ..Show::default() };
-    let mut machine = Machine::new(map, library, show, Start::Power);
+    torque_off: bool,
+    say: &mut dyn FnMut(Told<'_>),
+    each_tick: &mut EachTick<'_>,
+) -> Played {
+    let map = machine.map();
     let acted = Cell::new(Duration::ZERO);
     let mut bus = Watched {
         bus,
@@ -99,7 +135,10 @@ fn perform<L: Library>(
         start: None,
         busy: Duration::ZERO,
         longest: Duration::ZERO,
+        buses: map.joints().iter().map(|joint| joint.bus).collect(),
         taken: Vec::new(),
+        positions: map.joints().iter().map(|joint| joint.home).collect(),
+        present: Vec::new(),
     };
     let mut surroundings = Ticks {
         map,
@@ -110,9 +149,9 @@ fn perform<L: Library>(
         told: 0,
         say,
         each_tick,
-        state: None,
+        notes: Notes::default(),
         ticks: 0,
-        late: 0,
+        late: Late::default(),
     };
     let ids: Vec<u8> = map.joints().iter().map(|joint| joint.id).collect();
     block_on(control_loop(&mut machine, &mut bus, &mut surroundings));
@@ -123,11 +162,58 @@ fn perform<L: Library>(
             Err(error) => surroundings.tell(&format!("the servos' watchdogs stay armed: {error}")),
         }
     }
-    if let Some(fault) = machine.fault() {
-        bail!("{fault}");
+    if torque_off && machine.fault().is_none() && machine.at_rest() {
+        surroundings.tell(&let_go(&mut bus.bus, &ids));
     }
-    let recording = Recording { ticks: surroundings.ticks, goals: bus.taken, ..Recording::default() };
-    Ok(Played { recording, late: surroundings.late, longest: bus.longest, state: machine.state() })
+    let late = surroundings.late;
+    let failed = machine.fault().map(|fault| match fault {
+        Fault::Late => format!("{fault}: {}", why_late(late, bus.longest, map)),
+        _ => fault.to_string(),
+    });
+    let recording = Recording {
+        ticks: surroundings.ticks,
+        goals: bus.taken,
+        present: bus.present,
+        ..Recording::default()
+    };
+    let notes = surroundings.notes.all;
+    Played { recording, notes, late, longest: bus.longest, state: machine.state(), failed }
+}
+
+/// Turns torque off, and says of whom.
+fn let_go(bus: &mut impl ServoBus, ids: &[u8]) -> String {
+    let mut kept = Vec::new();
+    for (index, id) in ids.iter().enumerate() {
+        if let Err(error) = block_on(bus.set_torque(ids, index, false)) {
+            kept.push(match error {
+                BusError::Unsupported => format!("servo {id} cannot be let go"),
+                error => format!("servo {id} may still hold: {error}"),
+            });
+        }
+    }
+    match kept.as_slice() {
+        [] => "torque is off".to_owned(),
+        kept => format!("torque is off, but for {} of {} servos: {}", kept.len(), ids.len(), kept.join(", ")),
+    }
+}
+
+/// How late ticks were, and what can be done.
+fn why_late(late: Late, longest: Duration, map: &Map) -> String {
+    let millis = |time: Duration| time.as_secs_f64() * 1e3;
+    let tick = Duration::from_micros(map.tick_micros(1));
+    let advice = if longest > tick {
+        "raise the servos' and the puppet's `baud`, set the adapter's latency timer to 1 ms, or lower `servo_hz`"
+    } else {
+        "this computer was busy with something else: end that, or lower the puppet's `servo_hz`"
+    };
+    format!(
+        "{} ticks began after the next one was due, the latest {:.1} ms after its own time; a tick has {:.1} ms, of which the buses \
+         took {:.1} ms at most; {advice}",
+        late.ticks,
+        millis(late.most),
+        millis(tick),
+        millis(longest)
+    )
 }
 
 /// A bus, what goes over it, and how long that takes.
@@ -140,7 +226,13 @@ struct Watched<'c, B, C> {
     /// Time that this tick's goals and action have taken.
     busy: Duration,
     longest: Duration,
+    /// The bus of each joint.
+    buses: Vec<u8>,
     taken: Vec<Taken>,
+    /// Where each servo was when it was read last.
+    positions: Vec<i32>,
+    /// The same as the goals of each tick were taken.
+    present: Vec<Vec<i32>>,
 }
 
 impl<B, C: Clock> Watched<'_, B, C> {
@@ -181,11 +273,14 @@ impl<B: ServoBus, C: Clock> ServoBus for Watched<'_, B, C> {
         let time_us = (now - *self.start.get_or_insert(now)).as_micros() as u64;
         let result = self.bus.write_goals(goals).await;
         if result.is_ok() {
-            self.taken.extend(goals.iter().map(|goal| Taken {
+            let taken = goals.iter().zip(&self.buses);
+            self.taken.extend(taken.map(|(goal, &bus)| Taken {
                 time_us,
+                bus,
                 id: goal.id,
                 position: goal.position,
             }));
+            self.present.push(self.positions.clone());
         }
         self.took(now);
         result
@@ -194,6 +289,9 @@ impl<B: ServoBus, C: Clock> ServoBus for Watched<'_, B, C> {
     async fn read_all(&mut self, ids: &[u8], readings: &mut [Option<Reading>]) -> Result<(), BusError> {
         let start = self.clock.now();
         let result = self.bus.read_all(ids, readings).await;
+        for (position, reading) in self.positions.iter_mut().zip(readings.iter()) {
+            *position = reading.map_or(*position, |reading| reading.position);
+        }
         self.took(start);
         result
     }
@@ -223,16 +321,16 @@ struct Ticks<'a, C> {
     asked: &'a AtomicUsize,
     /// How often of that the machine was told.
     told: usize,
-    say: &'a mut dyn FnMut(&str),
-    each_tick: &'a mut dyn FnMut() -> Option<Command>,
-    state: Option<State>,
+    say: &'a mut dyn FnMut(Told<'_>),
+    each_tick: &'a mut EachTick<'a>,
+    notes: Notes,
     ticks: u32,
-    late: u32,
+    late: Late,
 }
 
 impl<C> Ticks<'_, C> {
     fn tell(&mut self, what: &str) {
-        (self.say)(what);
+        (self.say)(Told::Line(what));
     }
 }
 
@@ -244,16 +342,24 @@ impl<L: Library, C: Clock> Surroundings<L, MAX_SERVOS> for Ticks<'_, C> {
         let due = self.start + Duration::from_micros(self.map.tick_micros(tick));
         let next = self.start + Duration::from_micros(self.map.tick_micros(tick.wrapping_add(1)));
         self.clock.until(due).await;
-        let late = self.clock.now() > next;
-        self.late += u32::from(late);
+        let now = self.clock.now();
+        let late = now > next;
+        if late {
+            self.late.ticks += 1;
+            self.late.most = self.late.most.max(now - due);
+        }
         self.ticks = tick;
         late
     }
 
     fn control(&mut self, machine: &mut Machine<'_, L, MAX_SERVOS>, _: &Feedback<'_>) -> bool {
         let state = machine.state();
-        if self.state.replace(state) != Some(state) {
+        let tick = self.notes.count(machine);
+        if self.notes.look(tick, machine) {
             self.tell(&format!("{state:?}"));
+        }
+        if let Some((clip, frame, _)) = machine.mixer().position() {
+            (self.say)(Told::At { clip, frame });
         }
         let asked = self.asked.load(Ordering::Relaxed);
         // What is not on yet needs no way home.
@@ -266,7 +372,7 @@ impl<L: Library, C: Clock> Surroundings<L, MAX_SERVOS> for Ticks<'_, C> {
             // Going home is refused to nobody.
             let _ = machine.command(Command::Home);
         }
-        if let Some(command) = (self.each_tick)() {
+        if let Some(command) = (self.each_tick)(self.say) {
             // A lost link is refused by nobody.
             let _ = machine.command(command);
         }

@@ -4,8 +4,9 @@ mod bus;
 mod clock;
 mod live;
 mod serial;
+pub mod virtual_buses;
 
 pub use bus::{Buses, Identity, RETURN_DELAY_US, SLACK_US, SerialBus, open, paths};
-pub use clock::{Clock, ComputerClock};
-pub use live::{Played, follow, play};
+pub use clock::{Clock, ComputerClock, InstantClock};
+pub use live::{Late, Played, Told, follow, play};
 pub use serial::block_on;

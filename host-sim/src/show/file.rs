@@ -28,6 +28,8 @@ pub struct Program {
     pub map: Map,
     /// Names of the joints, in the map's order.
     pub joints: Vec<String>,
+    /// Names of the buses, in the map's order.
+    pub buses: Vec<String>,
     /// Clips by number: name, path and bytes.
     pub clips: Vec<(String, PathBuf, Vec<u8>)>,
     /// Numbers of the clips to play from power on.
@@ -183,11 +185,31 @@ impl Program {
             },
             map,
             joints,
+            buses: puppet.bus_names(),
             clips,
             orders,
             disturbances,
             events,
         })
+    }
+
+    /// A show of clips that play once, one behind the other.
+    pub fn of_clips(name: String, map: Map, puppet: &Puppet, clips: Vec<(String, PathBuf, Vec<u8>)>) -> Self {
+        Self {
+            name,
+            joints: map.joints().iter().map(|joint| puppet.name_of(joint).to_owned()).collect(),
+            buses: puppet.bus_names(),
+            map,
+            playlist: (0..clips.len() as u16).collect(),
+            clips,
+            repeats: false,
+            idle_clip: None,
+            trigger_clip: None,
+            after: After::default(),
+            orders: Vec::new(),
+            disturbances: Vec::new(),
+            events: Vec::new(),
+        }
     }
 
     /// What the puppet plays by itself.

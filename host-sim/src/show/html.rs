@@ -1,8 +1,9 @@
 //! A show on one page that needs nothing else.
 
 use super::file::Program;
-use super::played::{Cost, NoteKind, PlayedShow};
+use super::played::{Cost, PlayedShow};
 use super::summary::{Summary, Track, tracks};
+use crate::play::NoteKind;
 use crate::plot::lines::{Plot, Series};
 use crate::plot::page::{figure, page, table};
 use crate::plot::spans::{Span, time_line};
@@ -42,7 +43,7 @@ pub fn show_page(program: &Program, played: &PlayedShow, summary: &Summary) -> S
     let body = html! {
         h1 { (summary.name) }
         p class="soft" {
-            (program.map.joints().len()) " virtual servos at " (program.map.tick_hz())
+            (program.map.joints().len()) @if summary.on != "port" { " virtual" } " servos at " (program.map.tick_hz())
             " Hz, told by the firmware on " (place) ". Time counts ticks in which goals were sent."
         }
         (tiles(summary))

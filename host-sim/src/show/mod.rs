@@ -42,7 +42,8 @@ mod images;
 mod played;
 mod summary;
 
+pub use crate::play::{Note, NoteKind};
 pub use file::Program;
 pub use html::show_page;
-pub use played::{Cost, Note, NoteKind, PlayedShow, Tamper, image, on_host, on_qemu, on_sim, on_sim_wire};
+pub use played::{Cost, PlayedShow, Tamper, image, on_host, on_qemu, on_sim, on_sim_wire};
 pub use summary::{ServoSummary, StreamSummary, Summary};

@@ -4,16 +4,16 @@ use super::file::Program;
 use super::images;
 use crate::board;
 use crate::files;
-use crate::play::{Recorder, Recording, on_the_spot};
+use crate::play::{Note, NoteKind, Notes, Recorder, Recording, on_the_spot};
 use crate::qemu;
 use crate::qemu_log::Log;
 use anyhow::{Context, Result, bail};
 use firmware::clips::{Mailbox, WithLive, Worker, decode};
 use firmware::control_loop::Surroundings;
 use firmware::decoder_list::DecoderList;
-use firmware::fault::{Fault, Feedback};
+use firmware::fault::Feedback;
 use firmware::library::Library;
-use firmware::machine::{Machine as Puppet, Start, State};
+use firmware::machine::{Machine as Puppet, Start};
 use firmware::map::MAX_SERVOS;
 use firmware::script::Script;
 use firmware::sender::{STREAM, Sender, StreamMemory};
@@ -29,35 +29,6 @@ const SLACK_US: u32 = 300;
 
 /// The same under QEMU, whose servos live in another process; nothing waits that long unless one is missing.
 const QEMU_SLACK_US: u32 = 2_000_000;
-
-/// Something that changed.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Note {
-    /// The tick that came next.
-    pub tick: u32,
-    /// NoteKind.
-    pub what: NoteKind,
-    /// What it has become: a state, a fault, the number of a clip.
-    pub text: String,
-}
-
-/// What a note is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum NoteKind {
-    /// Where the puppet is.
-    State,
-    /// A fault was latched; the text is empty where it was acknowledged.
-    Fault,
-    /// Which clip plays; the text is empty where none does.
-    Clip,
-    /// A command that the puppet did not take.
-    Refused,
-    /// How frames of a live stream are made: `Right`, `Reckoned` or `Eased`; the text is empty where none plays.
-    Stream,
-    /// A stream has ended: frames that were played as they were sent, concealed, eased, and lost.
-    Streamed,
-}
 
 /// What a tick cost on the simulated board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -118,15 +89,12 @@ pub fn on_host(program: &Program) -> Result<PlayedShow> {
     let mut puppet = Puppet::new(&program.map, library, program.show(), Start::Power);
     let mut surroundings = ShowSurroundings {
         script: Script::new(&program.orders, Sender::new(&bytes, &live)),
-        notes: Vec::new(),
-        state: None,
-        fault: None,
-        clip: None,
+        notes: Notes::default(),
         made: None,
         most: most_ticks(program)?,
     };
     let recorder = on_the_spot(&mut puppet, recorder(program)?, &mut surroundings)?;
-    Ok(PlayedShow { recording: recorder.finish()?, notes: surroundings.notes, costs: Vec::new() })
+    Ok(PlayedShow { recording: recorder.finish()?, notes: surroundings.notes.all, costs: Vec::new() })
 }
 
 /// The servos, and what will happen to them.
@@ -150,10 +118,7 @@ fn most_ticks(program: &Program) -> Result<u32> {
 
 struct ShowSurroundings<'s, 'l> {
     script: Script<'s, 'l>,
-    notes: Vec<Note>,
-    state: Option<State>,
-    fault: Option<Fault>,
-    clip: Option<u16>,
+    notes: Notes,
     made: Option<Made>,
     most: u32,
 }
@@ -164,29 +129,19 @@ impl<L: Library> Surroundings<L, MAX_SERVOS> for ShowSurroundings<'_, '_> {
     }
 
     fn control(&mut self, puppet: &mut Puppet<'_, L, MAX_SERVOS>, _: &Feedback<'_>) -> bool {
-        let Self { script, notes, state, fault, clip, made, most } = self;
+        let Self { script, notes, made, most } = self;
         let mut refused = Vec::new();
         let goes_on =
             script.control(puppet, |command, error| refused.push(format!("{command:?}: {error:?}")));
         let tick = script.tick().unwrap_or(0);
-        let mut note = |what, text| notes.push(Note { tick, what, text });
-        refused.into_iter().for_each(|text| note(NoteKind::Refused, text));
-        if state.replace(puppet.state()) != Some(puppet.state()) {
-            note(NoteKind::State, format!("{:?}", puppet.state()));
-        }
-        if std::mem::replace(fault, puppet.fault()) != puppet.fault() {
-            note(NoteKind::Fault, puppet.fault().map_or(String::new(), |fault| format!("{fault:?}")));
-        }
-        let plays = puppet.mixer().position().map(|(clip, ..)| clip);
-        if std::mem::replace(clip, plays) != plays {
-            note(NoteKind::Clip, plays.map_or(String::new(), |clip| clip.to_string()));
-        }
+        refused.into_iter().for_each(|text| notes.add(tick, NoteKind::Refused, text));
+        notes.look(tick, puppet);
         let now = script.sender().made();
         if std::mem::replace(made, now) != now {
-            note(NoteKind::Stream, now.map_or(String::new(), |made| format!("{made:?}")));
+            notes.add(tick, NoteKind::Stream, now.map_or(String::new(), |made| format!("{made:?}")));
             if now.is_none() {
                 let Counters { played, concealed, eased, lost, .. } = script.sender().counters();
-                note(NoteKind::Streamed, format!("{played} {concealed} {eased} {lost}"));
+                notes.add(tick, NoteKind::Streamed, format!("{played} {concealed} {eased} {lost}"));
             }
         }
         goes_on && tick < *most

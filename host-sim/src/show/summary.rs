@@ -1,7 +1,8 @@
 //! What a show came to, in numbers.
 
 use super::file::Program;
-use super::played::{Cost, NoteKind, PlayedShow};
+use super::played::{Cost, PlayedShow};
+use crate::play::NoteKind;
 use firmware::limits::FINE_BITS;
 use firmware::map::Joint;
 use serde::Serialize;

@@ -26,6 +26,8 @@ const BAD_ANGLE: u8 = 1 << 1;
 struct Protocol1Servo {
     model: &'static Model,
     memory: Vec<u8>,
+    /// What its EEPROM has without power.
+    stored: Vec<u8>,
     motion: Motion,
     /// What Reg Write left for Action: address and bytes.
     registered: Option<(u8, Vec<u8>)>,
@@ -35,13 +37,15 @@ struct Protocol1Servo {
 impl Protocol1Servo {
     fn new(model: &'static Model, config: ServoConfig, number: u16) -> Self {
         let motion = Motion::new(f64::from(config.position));
-        let mut servo = Self { model, memory: factory(model), motion, registered: None, now_us: 0 };
+        let mut servo =
+            Self { model, memory: factory(model), stored: Vec::new(), motion, registered: None, now_us: 0 };
         servo.set(model.model_at, number.to_le_bytes());
         servo.memory[usize::from(model.id_at)] = config.id;
         for (at, limit) in [(0, config.min_position), (2, config.max_position)] {
             servo.set(model.limits_at + at, model.bytes(limit as u16));
         }
         servo.set(model.goal_at, model.bytes(config.position as u16));
+        servo.stored = servo.memory[..model.ram].to_vec();
         servo.publish();
         servo
     }
@@ -78,11 +82,15 @@ impl Protocol1Servo {
         if bytes.is_empty() || !(usize::from(at)..end).all(writable) {
             return Err(BAD_RANGE);
         }
+        let keeps = self.model.lock_at.is_none_or(|lock| self.memory[usize::from(lock)] == 0);
         let before = self.memory.clone();
         self.memory[usize::from(at)..end].copy_from_slice(bytes);
         let goal_at = self.model.goal_at;
         let goal = (at <= goal_at && end >= usize::from(goal_at) + 2).then(|| self.word(goal_at));
         let Some(goal) = goal else {
+            for at in (usize::from(at)..end.min(self.model.ram)).filter(|_| keeps) {
+                self.stored[at] = self.memory[at];
+            }
             self.drive();
             return Ok(None);
         };
@@ -151,6 +159,7 @@ impl SimulatedServo for Protocol1Servo {
 
     fn reboot(&mut self) {
         let ram = self.model.ram;
+        self.memory[..ram].copy_from_slice(&self.stored);
         self.memory[ram..].copy_from_slice(&factory(self.model)[ram..]);
         self.motion.release();
         self.registered = None;
@@ -410,6 +419,36 @@ mod tests {
         let mut taken = Vec::new();
         sts.receive(&packet(7, 3, &[42, 5, 0]), 0, &mut |event| taken.push(event));
         assert_eq!(taken, [Event::Goal { time_us: 0, id: 7, position: 100 }]);
+    }
+
+    #[test]
+    fn what_a_locked_servo_is_written_is_forgotten_without_power() {
+        for (family, lock) in [
+            (Protocol1Family::Sts, Some(55)),
+            (Protocol1Family::Scs, Some(48)),
+            (Protocol1Family::AxMx, None),
+        ] {
+            for unlocks in [false, true] {
+                let mut bus = bus(family, &[7], 600);
+                let mut write = |id: u8, at: u8, value: u8| {
+                    assert_eq!(ask(&mut bus, 0, &packet(id, 3, &[at, value])), [(id, 0, vec![])]);
+                };
+                if let Some(lock) = lock.filter(|_| unlocks) {
+                    write(7, lock, 0);
+                }
+                write(7, Model::of(family, None).id_at, 9);
+                bus.schedule(0, Disturbance::Restart { servo: 9 }).unwrap();
+                let kept = unlocks || lock.is_none();
+                let ids = [(7, !kept), (9, kept)];
+                for (id, there) in ids {
+                    assert_eq!(
+                        !ask(&mut bus, 1_000_000, &packet(id, 1, &[])).is_empty(),
+                        there,
+                        "{family:?} {id}"
+                    );
+                }
+            }
+        }
     }
 
     #[test]

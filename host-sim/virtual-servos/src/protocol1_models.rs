@@ -1,7 +1,7 @@
 //! The control tables of servos that speak the frame of protocol 1.0.
 //!
 //! Sources: e-Manual, "AX-12A" and "MX-28" (protocol 1.0); Feetech, memory tables of "STS3215" and of the SCS
-//! series. What nothing here acts on (gains, torque limits, speeds) can be written and read, and has no effect.
+//! series, whose lock is at 48. What nothing here acts on (gains, torque limits, speeds) can be written and read, and has no effect.
 
 /// Registers that lie one behind the other: where, how many bytes each, what they are at first.
 pub(crate) struct Register {
@@ -59,6 +59,8 @@ pub(crate) struct Model {
     pub goal_at: u8,
     pub present_at: u8,
     pub moving_at: u8,
+    /// Where it says, by 1, that what is written to the EEPROM is forgotten without power; `None` where it is always kept.
+    pub lock_at: Option<u8>,
     pub registers: &'static [Register],
 }
 
@@ -112,6 +114,7 @@ const AX: Model = Model {
     goal_at: 30,
     present_at: 36,
     moving_at: 46,
+    lock_at: None,
     registers: &DYNAMIXEL,
 };
 
@@ -145,6 +148,32 @@ const STS_TABLE: [Register; 24] = [
     ro(63, 7, 30),
 ];
 
+const SCS_TABLE: [Register; 23] = [
+    ro(0, 1, 3),
+    ro(1, 1, 10),
+    ro(2, 1, 0),
+    ro(3, 2, 0),
+    rw(5, 1, 1),
+    rw(6, 1, 0),
+    rw(7, 1, 0),
+    rw(8, 1, 1),
+    rw(9, 2, 0),
+    rw(11, 2, 0),
+    rw(13, 1, 70),
+    rw(14, 1, 80),
+    rw(15, 1, 40),
+    rw(16, 2, 1000),
+    rw(33, 1, 0),
+    rw(40, 2, 0),
+    rw(42, 2, 0),
+    rw(44, 2, 0),
+    rw(46, 2, 0),
+    rw(48, 1, 1),
+    ro(56, 6, 0),
+    ro(62, 1, 74),
+    ro(63, 7, 30),
+];
+
 const STS: Model = Model {
     number: 777,
     most: 4095,
@@ -164,12 +193,21 @@ const STS: Model = Model {
     goal_at: 42,
     present_at: 56,
     moving_at: 66,
+    lock_at: Some(55),
     registers: &STS_TABLE,
 };
 
 /// An SCS0009: 60° in 0.1 s at 6 V, 1024 in 300°.
-const SCS: Model =
-    Model { number: 1284, most: 1023, speed: 1024.0 / 5.0 / 0.1, big_endian: true, sync_read: false, ..STS };
+const SCS: Model = Model {
+    number: 1284,
+    most: 1023,
+    speed: 1024.0 / 5.0 / 0.1,
+    big_endian: true,
+    sync_read: false,
+    lock_at: Some(48),
+    registers: &SCS_TABLE,
+    ..STS
+};
 
 impl Protocol1Family {
     /// Highest position of a servo of this family with this model number: positions are 0 to this.

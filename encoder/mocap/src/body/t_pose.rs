@@ -70,7 +70,11 @@ impl TPose {
                 turn = angles::multiply(&twist_of_chest(&tree, body, &axes, &turn), &turn);
             }
             turns.push(turn);
-            directions.push(unit(rest).map_or(above, |rest| angles::apply(&turn, rest)));
+            directions.push(match part {
+                // A head that nods or turns is seen by its face, not by its crown.
+                Some(Part::Head) => FORWARD,
+                _ => unit(rest).map_or(above, |rest| angles::apply(&turn, rest)),
+            });
         }
         let back = angles::transpose(&axes);
         let before = turns.iter().map(|turn| angles::multiply(&back, &angles::transpose(turn))).collect();
@@ -91,7 +95,8 @@ impl TPose {
         }
     }
 
-    /// The direction of a joint's bone in the T-pose, in figure axes: a unit vector.
+    /// The direction of a joint's bone in the T-pose, in figure axes: a unit vector. That of the head is where the face
+    /// looks.
     ///
     /// Where the bone points in a pose is `out[joint]` of [`rotations`](Self::rotations) times it.
     ///
@@ -211,6 +216,7 @@ fn degrees_between(a: [f64; 3], b: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
     use crate::clip::Clip;
+    use crate::skeleton::Dof;
     use crate::{export, import, sample};
 
     /// For every part that the figure has, and every frame, the rotation against the hips.
@@ -260,5 +266,133 @@ mod tests {
         // The file has six decimals of a degree, and chains of five joints.
         let difference = largest_difference(&clip, &as_bvh(&clip));
         assert!(difference < 5e-6, "{difference}");
+    }
+
+    /// The same motion of the same figure in other words. The figure is turned by `world`, and at rest the bone of each
+    /// joint is turned by what `rest` says of its name; all angles are given anew, as Z, Y and X.
+    fn reworded(clip: &Clip, world: &Matrix, rest: impl Fn(&str) -> Matrix) -> Clip {
+        let mut reworded = clip.clone();
+        let joints = &clip.skeleton.joints;
+        let rest: Vec<Matrix> = joints.iter().map(|joint| rest(&joint.name)).collect();
+        for (joint, other) in joints.iter().zip(&mut reworded.skeleton.joints) {
+            let carried = joint.parent.map_or(world, |parent| &rest[parent]);
+            other.offset = angles::apply(carried, joint.offset);
+        }
+        for (frame, pose) in clip.motion.iter().enumerate() {
+            for (index, joint) in joints.iter().enumerate() {
+                let turn = joint.rotations.iter().fold(IDENTITY, |before, &channel| {
+                    let axis = clip.skeleton.channels[channel].dof.axis().expect("a rotation");
+                    angles::multiply(&before, &angles::rotation(axis, pose[channel]))
+                });
+                let carried = joint.parent.map_or(world, |parent| &rest[parent]);
+                let turn = angles::multiply(carried, &turn);
+                let angles = angles::euler_zyx(&angles::multiply(&turn, &angles::transpose(&rest[index])));
+                for (&channel, angle) in joint.rotations.iter().zip(angles) {
+                    reworded.motion.samples[frame * clip.motion.channels + channel] = angle;
+                }
+            }
+        }
+        reworded
+    }
+
+    /// Not exactly the same: sines and cosines of other angles are rounded, five joints in a row.
+    const ROUNDING: f64 = 1e-6;
+
+    #[test]
+    fn flips_and_whole_turns_do_not_matter() {
+        let clip = as_bvh(&sample::clip());
+        let mut other = clip.clone();
+        for joint in &clip.skeleton.joints {
+            let [z, y, x] = joint.rotations[..] else { continue };
+            let frames = other.motion.samples.chunks_exact_mut(clip.motion.channels);
+            for (frame, pose) in frames.enumerate() {
+                if (frame / 7) % 2 == 0 {
+                    (pose[z], pose[y], pose[x]) = (pose[z] + 180.0, 180.0 - pose[y], pose[x] + 180.0);
+                }
+                pose[z] += 360.0 * (frame % 3) as f64 - 360.0;
+            }
+        }
+        let difference = largest_difference(&clip, &other);
+        assert!(difference < ROUNDING, "{difference}");
+    }
+
+    #[test]
+    fn the_order_of_the_angles_does_not_matter() {
+        let clip = as_bvh(&sample::clip());
+        let mut other = clip.clone();
+        for joint in &clip.skeleton.joints {
+            let [z, y, x] = joint.rotations[..] else { continue };
+            // What was Z Y X becomes X Y Z, in the same columns.
+            other.skeleton.channels[z].dof = Dof::Rx;
+            other.skeleton.channels[x].dof = Dof::Rz;
+            for pose in other.motion.samples.chunks_exact_mut(clip.motion.channels) {
+                let turns = [(2, pose[z]), (1, pose[y]), (0, pose[x])];
+                let turns = turns.map(|(axis, degrees)| angles::rotation(axis, degrees));
+                let turn = angles::multiply(&angles::multiply(&turns[0], &turns[1]), &turns[2]);
+                let [c, b, a] = angles::euler_zyx(&angles::transpose(&turn));
+                (pose[z], pose[y], pose[x]) = (-a, -b, -c);
+            }
+        }
+        let difference = largest_difference(&clip, &other);
+        assert!(difference < ROUNDING, "{difference}");
+    }
+
+    /// Arms down in the sample; here arms and legs are apart at rest, as in an A-pose.
+    fn a_pose(name: &str) -> Matrix {
+        let side = if name.starts_with('l') { 1.0 } else { -1.0 };
+        match name.get(1..) {
+            Some("humerus" | "radius" | "hand") => angles::rotation(2, side * 40.0),
+            Some("femur" | "tibia" | "foot") => angles::rotation(2, side * 8.0),
+            _ => IDENTITY,
+        }
+    }
+
+    #[test]
+    fn an_a_pose_at_rest_does_not_matter() {
+        let clip = as_bvh(&sample::clip());
+        let difference = largest_difference(&clip, &reworded(&clip, &IDENTITY, a_pose));
+        assert!(difference < ROUNDING, "{difference}");
+    }
+
+    /// Elbows that are bent at rest, out of the plane of the arms: a forearm's twist is then told otherwise, but where
+    /// the bones point is not.
+    #[test]
+    fn bones_point_alike_whatever_the_rest_pose_is() {
+        let clip = as_bvh(&sample::clip());
+        let bent = |name: &str| match name.get(1..) {
+            Some("radius" | "hand") => angles::multiply(&a_pose(name), &angles::rotation(0, -25.0)),
+            _ => a_pose(name),
+        };
+        let other = reworded(&clip, &IDENTITY, bent);
+        let turns = against_hips(&clip).into_iter().zip(against_hips(&other));
+        let directions = directions(&clip).into_iter().zip(directions(&other));
+        for (((part, a), (_, b)), (of_a, of_b)) in turns.zip(directions) {
+            for (a, b) in a.iter().zip(&b) {
+                let difference = degrees_between(angles::apply(a, of_a), angles::apply(b, of_b));
+                assert!(difference < ROUNDING, "{part}: {difference}");
+            }
+        }
+    }
+
+    fn directions(clip: &Clip) -> Vec<[f64; 3]> {
+        let body = Body::of(&clip.skeleton);
+        let pose = TPose::of(&clip.skeleton, &body);
+        let found = Part::ALL.into_iter().filter_map(|part| body.joint(part));
+        found.map(|joint| pose.direction(joint)).collect()
+    }
+
+    #[test]
+    fn where_the_figure_faces_and_its_size_do_not_matter() {
+        let clip = as_bvh(&sample::clip());
+        // z up and facing along -y; facing along x.
+        let z_up = angles::rotation(0, 90.0);
+        for world in [z_up, angles::rotation(1, 90.0), angles::multiply(&z_up, &angles::rotation(1, -90.0))] {
+            let mut other = reworded(&clip, &world, |_| world);
+            for joint in &mut other.skeleton.joints {
+                joint.offset = joint.offset.map(|part| part / 100.0);
+            }
+            let difference = largest_difference(&clip, &other);
+            assert!(difference < ROUNDING, "{world:?}: {difference}");
+        }
     }
 }

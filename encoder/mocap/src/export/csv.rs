@@ -14,9 +14,21 @@ use crate::skeleton::Skeleton;
 /// A motion that does not fit the skeleton, an output that fails.
 pub fn write(out: &mut impl Write, skeleton: &Skeleton, motion: &Motion) -> Result<(), ExportError> {
     check_channels(skeleton, motion)?;
+    write_named(out, skeleton.channels.iter().map(|channel| channel.name.as_str()), motion)
+}
+
+/// As [`write`](fn@write), for a motion without a skeleton, whose channels have these names.
+///
+/// # Errors
+/// An output that fails.
+pub fn write_named<'n>(
+    out: &mut impl Write,
+    names: impl IntoIterator<Item = &'n str>,
+    motion: &Motion,
+) -> Result<(), ExportError> {
     write!(out, "time")?;
-    for channel in &skeleton.channels {
-        write!(out, ",{}", quoted(&channel.name))?;
+    for name in names {
+        write!(out, ",{}", quoted(name))?;
     }
     out.write_all(b"\n")?;
     for (frame, pose) in motion.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Export of motions: AMC, BVH and CSV.
+//! Export of motions: AMC, BVH, CSV, and JSON of servo positions.
 //!
 //! Functions write to any [`Write`](std::io::Write); it is the caller who makes files, writes them under a temporary name and
 //! renames them.
@@ -8,5 +8,6 @@ pub mod bvh;
 pub mod csv;
 mod error;
 mod number;
+pub mod servo_json;
 
 pub use error::ExportError;

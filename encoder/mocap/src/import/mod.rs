@@ -1,4 +1,4 @@
-//! Import of motion capture: ASF/AMC (Acclaim) and BVH (Biovision).
+//! Import of motion capture: ASF/AMC (Acclaim), BVH (Biovision), tables (CSV), and moves as JSON.
 
 use std::fs;
 use std::path::Path;
@@ -9,13 +9,16 @@ use crate::skeleton::Skeleton;
 pub mod amc;
 pub mod asf;
 pub mod bvh;
+pub mod csv;
 mod error;
 mod imported;
+pub mod json;
 #[cfg(test)]
 mod malformed;
 mod names;
 mod rate;
 mod text;
+mod timed;
 pub mod unit;
 
 pub use error::ImportError;
@@ -31,6 +34,8 @@ pub struct Options<'a> {
     pub unit: Option<Unit>,
     /// Frames per second, instead of what the file says. No frame is made or left out.
     pub fps: Option<f64>,
+    /// Frames per second of a file whose rows have uneven times, as recorded moves have: there, frames are made.
+    pub sampled_fps: Option<f64>,
 }
 
 /// Reads a clip from an AMC or BVH file, without a word about what had to be guessed: [`read`] has it.
@@ -38,10 +43,10 @@ pub struct Options<'a> {
 /// # Errors
 /// Those of [`read`].
 pub fn load(path: &Path, skeleton: Option<&Path>, fps: Option<f64>) -> Result<Clip, ImportError> {
-    Ok(read(path, &Options { skeleton, fps, unit: None })?.clip)
+    Ok(read(path, &Options { skeleton, fps, ..Options::default() })?.clip)
 }
 
-/// Reads a clip from an AMC or BVH file; lengths become centimetres and angles degrees.
+/// Reads a clip from an AMC, BVH, CSV or JSON file; lengths become centimetres and angles degrees.
 ///
 /// The kind is chosen by the extension, else by the first line. An AMC file that names no rate has
 /// [`amc::DEFAULT_FPS`] unless the options say.
@@ -58,6 +63,8 @@ pub fn read(path: &Path, options: &Options) -> Result<Imported, ImportError> {
     let bytes = read_bytes(path)?;
     match kind(path, &bytes) {
         Some(Kind::Bvh) => read_bvh(&bytes, &file, options),
+        Some(Kind::Csv) => csv::parse(&bytes, &file, options.fps, options.sampled_fps),
+        Some(Kind::Json) => json::parse(&bytes, &file, options.fps, options.sampled_fps),
         Some(Kind::Amc) => {
             text::check(&bytes, &file, "an AMC file")?;
             let Some(skeleton) = options.skeleton else { return Err(ImportError::NoSkeleton { file }) };
@@ -67,7 +74,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Imported, ImportError> {
             Ok(Imported { clip: Clip { skeleton, motion }, has_rate, notes: Vec::new() })
         }
         None => {
-            let expected = "an AMC or BVH file";
+            let expected = "an AMC, BVH, CSV or JSON file";
             text::check(&bytes, &file, expected)?;
             let found = if has_extension(path, "asf") { "a skeleton (ASF)" } else { "something else" };
             Err(ImportError::File { file, found: found.to_string(), expected: expected.to_string() })
@@ -119,6 +126,8 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, ImportError> {
 enum Kind {
     Amc,
     Bvh,
+    Csv,
+    Json,
 }
 
 fn kind(path: &Path, bytes: &[u8]) -> Option<Kind> {
@@ -126,6 +135,10 @@ fn kind(path: &Path, bytes: &[u8]) -> Option<Kind> {
         Some(Kind::Amc)
     } else if has_extension(path, "bvh") {
         Some(Kind::Bvh)
+    } else if has_extension(path, "csv") {
+        Some(Kind::Csv)
+    } else if has_extension(path, "json") {
+        Some(Kind::Json)
     } else if has_extension(path, "asf") {
         None
     } else {

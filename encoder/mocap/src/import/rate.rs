@@ -10,7 +10,16 @@ pub(super) fn of_frame_time(frame_time: f64, digits: &str) -> f64 {
     let decimals = mantissa.split_once('.').map_or(0, |(_, decimals)| decimals.len());
     let exponent: i32 = digits.split_once(['e', 'E']).and_then(|(_, text)| text.parse().ok()).unwrap_or(0);
     let half_a_digit = 0.5 * 10_f64.powi(exponent.saturating_sub(decimals as i32));
-    let fits = |fps: &f64| significant >= 3 && (1.0 / fps - frame_time).abs() <= half_a_digit * 1.000_001;
+    if significant < 3 {
+        return 1.0 / frame_time;
+    }
+    near(frame_time, half_a_digit * 1.000_001)
+}
+
+/// Frames per second of a frame time that is known to within `slack` seconds: a whole number, else an NTSC rate, where one
+/// is as near as that.
+pub(super) fn near(frame_time: f64, slack: f64) -> f64 {
+    let fits = |fps: &f64| (1.0 / fps - frame_time).abs() <= slack;
     let whole = (1.0 / frame_time).round();
     let ntsc = [24.0, 30.0, 48.0, 60.0, 120.0, 240.0].map(|whole| whole * 1000.0 / 1001.0);
     let mut meant = [whole].into_iter().filter(|&whole| whole >= 1.0).chain(ntsc);

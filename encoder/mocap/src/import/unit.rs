@@ -99,12 +99,12 @@ impl Guess {
     }
 }
 
-/// Guesses the unit of a clip whose lengths are still in the file's unit. `root` is how high the file puts its root at rest.
+/// Height of the figure, in the unit of the clip's lengths. `root` is where the file puts its root at rest.
 ///
-/// The height is the greater of the extents along y and z (files differ in which is up, and a T-pose is as wide as it is
-/// high), in the rest pose or in the first frame: some programs' rest pose has all bones along one axis, and a dancer may
-/// begin on the floor. A figure without legs stands as high above the floor as its root.
-pub fn guess(clip: &Clip, root: [f64; 3]) -> Guess {
+/// It is the greater of the extents along y and z (files differ in which is up, and a T-pose is as wide as it is high),
+/// in the rest pose or in the first frame: some programs' rest pose has all bones along one axis, and a dancer may begin
+/// on the floor. A figure without legs stands as high above the floor as its root.
+pub fn height(clip: &Clip, root: [f64; 3]) -> f64 {
     let Clip { skeleton, motion } = clip;
     let mut first = motion.frame(0).to_vec();
     let start = |axis: usize| {
@@ -137,13 +137,19 @@ pub fn guess(clip: &Clip, root: [f64; 3]) -> Guess {
             height = height.max(high - low.min(-floor));
         }
     }
+    height
+}
+
+/// Guesses the unit of a clip whose lengths are still in the file's unit, by its [`height`].
+pub fn guess(clip: &Clip, root: [f64; 3]) -> Guess {
+    let height = height(clip, root);
     let off = |unit: &Unit| (height * unit.cm / PERSON).ln().abs();
     let fitting = GUESSED.iter().filter_map(|&(name, least, most)| {
         let unit: Unit = name.parse().ok()?;
         (least..=most).contains(&(height * unit.cm)).then_some(unit)
     });
     match fitting.min_by(|a, b| off(a).total_cmp(&off(b))) {
-        Some(unit) if is_figure(skeleton) => Guess { height_cm: height * unit.cm, unit, sure: true },
+        Some(unit) if is_figure(&clip.skeleton) => Guess { height_cm: height * unit.cm, unit, sure: true },
         _ => Guess { unit: Unit::centimetre(), height_cm: height, sure: false },
     }
 }

@@ -56,6 +56,28 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Protocol1Client<
         self.ask(id, Instruction::Read, &[&[address, len]], data).await
     }
 
+    /// Reads `len` bytes from `address` on of all servos that have this id, and waits as long as two of them may answer. Returns
+    /// how many did: 1 where each servo has an id of its own.
+    ///
+    /// # Errors
+    /// [`BusError::NoReply`] when none did, [`BusError::Corrupt`] when no answer was whole, as where two talk at once; see
+    /// [`BusError`] for others.
+    pub async fn count_answers(&mut self, id: u8, address: u8, len: u8) -> Result<usize, BusError> {
+        self.send(id, Instruction::Read, &[&[address, len]]).await?;
+        let bytes = usize::from(len).saturating_add(OVERHEAD).saturating_mul(2);
+        let limit = self.port.line().reply_limit_us(bytes, 2);
+        let mut count = 0_usize;
+        let heard = self.packets::<()>(limit, |packet| {
+            let answers = packet.id == id && packet.parameters.len() == usize::from(len);
+            count = count.saturating_add(answers.into());
+            ControlFlow::Continue(())
+        });
+        match heard.await {
+            Err(error) if count == 0 => Err(error),
+            _ => Ok(count),
+        }
+    }
+
     /// Writes bytes from `address` on. Returns the error byte; 0 at once for [`BROADCAST_ID`], which nobody answers.
     ///
     /// # Errors

@@ -1,13 +1,17 @@
-//! `bunraku puppet`: checks a puppet.toml, finds its servos on a port, and measures its joints.
+//! `bunraku puppet`: writes a first puppet.toml, checks one, finds its servos on a port, gives them ids, moves and measures its
+//! joints.
 
 mod calibrate;
 mod check;
+mod jog;
+mod new;
 mod scan;
+mod set_id;
 
 use anyhow::Result;
 use std::process::ExitCode;
 
-/// Check a puppet.toml, find its servos on real ports, and measure its joints by hand.
+/// Write a first puppet.toml, check one, find its servos on real ports, give them ids, and move and measure its joints.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  bunraku puppet check puppets/cmu-12.toml --clip walk.mclip\n  bunraku puppet scan --puppet puppets/cmu-12.toml --on /dev/ttyUSB0"
@@ -19,15 +23,21 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum Command {
+    New(new::Args),
     Check(check::Args),
     Scan(scan::Args),
     Calibrate(calibrate::Args),
+    Jog(jog::Args),
+    SetId(set_id::Args),
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
     match args.command {
+        Command::New(args) => new::run(args),
         Command::Check(args) => check::run(args),
         Command::Scan(args) => scan::run(args),
         Command::Calibrate(args) => calibrate::run(args),
+        Command::Jog(args) => jog::run(args),
+        Command::SetId(args) => set_id::run(args),
     }
 }

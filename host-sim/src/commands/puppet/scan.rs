@@ -57,7 +57,8 @@ impl FromStr for Ids {
     }
 }
 
-fn kind(text: &str) -> Result<BusKind, String> {
+/// Parses what servos that can be read speak.
+pub fn kind(text: &str) -> Result<BusKind, String> {
     let kinds = [BusKind::Dynamixel, BusKind::Dynamixel1, BusKind::Sts, BusKind::Scs];
     let names = kinds.map(BusKind::name).join(", ");
     BusKind::from_name(text)

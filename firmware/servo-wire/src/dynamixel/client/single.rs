@@ -133,6 +133,26 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelClient<
         self.ask(id, Instruction::Read, &[&address.to_le_bytes(), &len.to_le_bytes()], data).await
     }
 
+    /// Reads `len` bytes from `address` on of all servos that have this id, and waits as long as two of them may answer. Returns
+    /// how many did: 1 where each servo has an id of its own.
+    ///
+    /// # Errors
+    /// [`BusError::NoReply`] when none did, [`BusError::Corrupt`] when no answer was whole, as where two talk at once; see
+    /// [`BusError`] for others.
+    pub async fn count_answers(&mut self, id: u8, address: u16, len: u16) -> Result<usize, BusError> {
+        self.send(id, Instruction::Read, &[&address.to_le_bytes(), &len.to_le_bytes()]).await?;
+        let limit = self.port.line().reply_limit_us(max_packet_len(len.into()).saturating_mul(2), 2);
+        let mut count = 0_usize;
+        let heard = self.statuses::<()>(limit, |status| {
+            count = count.saturating_add((status.id == id).into());
+            ControlFlow::Continue(())
+        });
+        match heard.await {
+            Err(error) if count == 0 => Err(error),
+            _ => Ok(count),
+        }
+    }
+
     /// Writes bytes from `address` on. Returns whether the servo reports a hardware error.
     ///
     /// To [`BROADCAST_ID`] nothing answers, and `false` is returned once it is sent.

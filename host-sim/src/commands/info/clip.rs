@@ -1,42 +1,29 @@
-//! `bunraku info`: what a clip's bytes say.
+//! `bunraku info` of a compressed clip.
 
-use super::input::is_mclip;
+use crate::commands::input::is_mclip;
 use anyhow::{Context, Result};
 use decoder_core::Limits;
 use decoder_core::mclip::{self, ChannelKind};
 use decoder_core::qmd::Clip;
+use encoder::memory::OwnedMemory;
 use host_sim::cycle_limit::header_core;
 use host_sim::files;
-use std::path::PathBuf;
-use std::process::ExitCode;
+use std::path::Path;
 
-/// Print what a clip holds, and the memory that a decoder needs for it.
-#[derive(clap::Args)]
-#[command(after_help = "Example:\n  bunraku info walk.qmd --json")]
-pub struct Args {
-    /// The clip: .qmd or .mclip.
-    clip: PathBuf,
-    /// List the channels of a .mclip.
-    #[arg(long)]
-    channels: bool,
-    /// Report as JSON.
-    #[arg(long)]
-    json: bool,
-}
-
-pub fn run(args: Args) -> Result<ExitCode> {
-    let bytes = files::read(&args.clip)?;
-    if is_mclip(&args.clip) {
-        return mclip(&args, &bytes);
+/// Prints what the clip holds.
+pub fn print(file: &Path, list_channels: bool, json: bool) -> Result<()> {
+    let bytes = files::read(file)?;
+    if is_mclip(file) {
+        return mclip(file, &bytes, list_channels, json);
     }
-    let clip = Clip::parse(&bytes, Limits::MAX)
-        .with_context(|| format!("{} is not a QMD clip", args.clip.display()))?;
+    let clip =
+        Clip::parse(&bytes, Limits::MAX).with_context(|| format!("{} is not a QMD clip", file.display()))?;
     let layout = clip.layout();
     let fps = (layout.rate_centihertz > 0).then(|| f64::from(layout.rate_centihertz) / 100.0);
     let highest = clip.levels().iter().max().copied().unwrap_or(0);
     let pose_bytes = clip.channels() * 4;
     let table_bytes = layout.table_bytes();
-    if args.json {
+    if json {
         let report = serde_json::json!({
             "codec": "qmd", "bytes": bytes.len(), "frames": clip.frames(), "channels": clip.channels(),
             "fps": fps, "fdf": layout.fixed_channels, "index_bits": layout.index_bits,
@@ -44,9 +31,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
             "pose_bytes": pose_bytes, "table_bytes": table_bytes,
         });
         println!("{report:#}");
-        return Ok(ExitCode::SUCCESS);
+        return Ok(());
     }
-    println!("{}: QMD, {} bytes", args.clip.display(), bytes.len());
+    println!("{}: QMD, {} bytes", file.display(), bytes.len());
     match fps {
         Some(fps) => {
             println!("  {} frames at {fps} fps, {:.2} s", clip.frames(), f64::from(clip.frames()) / fps);
@@ -63,25 +50,24 @@ pub fn run(args: Args) -> Result<ExitCode> {
     println!(
         "  a decoder needs {pose_bytes} bytes for the pose, and is faster with {table_bytes} more for the table"
     );
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
-fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
-    let name = args.clip.display();
-    let clip =
-        mclip::Clip::parse(bytes, Limits::MAX).with_context(|| format!("{name} is not a sound mclip"))?;
-    // Decodes all of it, so that every checksum is looked at.
-    let motion = encoder::mclip::decode(bytes).with_context(|| format!("{name} is not a sound mclip"))?;
+fn mclip(file: &Path, bytes: &[u8], list_channels: bool, json: bool) -> Result<()> {
+    let name = file.display();
+    // Without a list of channels nothing is decoded, but every checksum is looked at.
+    let clip = mclip::Clip::parse(bytes, Limits::MAX).and_then(mclip::Clip::verify);
+    let clip = clip.with_context(|| format!("{name} is not a sound mclip"))?;
+    let ranges = match list_channels || json {
+        true => Ranges::of(&clip).with_context(|| format!("{name} is not a sound mclip"))?,
+        false => Ranges::default(),
+    };
     let (header, fields) = (clip.header(), clip.header().fields());
     let fps = f64::from(fields.rate_numerator) / f64::from(fields.rate_denominator);
     let (codec, entropy) = (header.codec().id().name(), header.entropy().name());
     let seconds = f64::from(clip.frames()) / fps;
     let rate = bytes.len() as f64 * 8.0 / seconds;
-    let range = |channel: usize| {
-        let values = motion.samples.iter().skip(channel).step_by(motion.channels);
-        values
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)))
-    };
+    let range = |channel: usize| ranges.of_channels.get(channel).copied().unwrap_or_default();
     let unit = |kind: ChannelKind| if kind.is_rotation() { "degrees" } else { "cm" };
     let cycles: Vec<(String, u32)> = fields
         .cycles
@@ -94,7 +80,7 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
             (name, u32::from_le_bytes([a, b, c, d]))
         })
         .collect();
-    if args.json {
+    if json {
         let channels: Vec<_> = header
             .channels()
             .enumerate()
@@ -113,10 +99,11 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
             "header_bytes": clip.header_bytes(), "frames": clip.frames(), "fps": fps, "bits_per_s": rate,
             "blocks": clip.block_count(), "entries": clip.entry_count(), "block_bytes": fields.block_bytes,
             "ram": fields.ram, "delay": fields.delay, "parameter_bytes": fields.parameters.len(),
-            "table_bytes": fields.tables.len(), "cycles": cycles, "channels": channels,
+            "table_bytes": fields.tables.len(), "cycles": cycles, "ranges_of_frames": ranges.frames,
+            "channels": channels,
         });
         println!("{report:#}");
-        return Ok(ExitCode::SUCCESS);
+        return Ok(());
     }
     println!("{name}: mclip, {codec} in {entropy} codes, {} bytes, {rate:.0} bits/s", bytes.len());
     println!("  {} frames at {fps} fps, {seconds:.2} s; delay {} frames", clip.frames(), fields.delay);
@@ -138,7 +125,10 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
     }
     let resting = header.channels().filter(|channel| channel.bits == 0).count();
     println!("  {} channels, of which {resting} rest", clip.channels());
-    if args.channels {
+    if list_channels {
+        if ranges.frames < clip.frames() {
+            println!("  lowest and highest of the first {} frames", ranges.frames);
+        }
         println!("  channel            bits  step   low        high");
         for (index, channel) in header.channels().enumerate() {
             let (low, high) = range(index);
@@ -151,5 +141,36 @@ fn mclip(args: &Args, bytes: &[u8]) -> Result<ExitCode> {
             );
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
+}
+
+/// Values that are decoded at most to find ranges: a small file may say that it has thousands of millions.
+const MOST_VALUES: usize = 20_000_000;
+
+/// Lowest and highest values.
+#[derive(Default)]
+struct Ranges {
+    of_channels: Vec<(f64, f64)>,
+    /// Of how many frames they are.
+    frames: u32,
+}
+
+impl Ranges {
+    fn of(clip: &mclip::Clip<'_>) -> Result<Self, decoder_core::Error> {
+        let mut memory = OwnedMemory::new(clip.header().needs());
+        let mut decoder = clip.decoder(memory.lend())?;
+        let most = (MOST_VALUES / clip.channels().max(1)) as u32;
+        let mut ranges =
+            Self { of_channels: vec![(f64::INFINITY, f64::NEG_INFINITY); clip.channels()], frames: 0 };
+        while ranges.frames < most
+            && let Some(pose) = decoder.next_frame()?
+        {
+            for ((low, high), value) in ranges.of_channels.iter_mut().zip(pose) {
+                let value = value.to_num::<f64>();
+                (*low, *high) = (low.min(value), high.max(value));
+            }
+            ranges.frames += 1;
+        }
+        Ok(ranges)
+    }
 }

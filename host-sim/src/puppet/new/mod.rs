@@ -1,0 +1,22 @@
+//! A first puppet for a recorded figure: which servos it has, what each of them follows, how far and how fast it goes.
+//!
+//! 1. The parts of the figure's body say which joints there may be ([`unit`](Unit)): a head that turns and nods,
+//!    shoulders of two servos, elbows, hips, knees, ankles, and a waist that turns.
+//! 2. The axes of elbows and knees are measured in the recording, where they are bent enough to show them.
+//! 3. The recording is fitted to joints without ranges. Where there are more joints than servos, those that move most
+//!    are taken: by the standard deviation of their values.
+//! 4. Each joint's range is that of its values and a margin, within what the kind of servo can. Its speed is the
+//!    highest of the recording and a margin, at most what a usual servo can.
+
+mod hinge;
+mod proposal;
+mod propose;
+mod servo;
+mod text;
+mod unit;
+
+pub use proposal::{Joint, Proposal, Proposed, Wish};
+pub use propose::propose;
+pub use servo::Servo;
+pub use text::text;
+pub use unit::{Axis, Group, Unit};

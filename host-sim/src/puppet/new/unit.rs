@@ -1,0 +1,126 @@
+//! The joints that a first puppet may have: for each bone one servo about an axis, or several in series.
+
+use mocap::body::{Body, Part, Side};
+use std::fmt;
+
+/// Parts of a puppet that a person asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// It turns and nods.
+    Head,
+    /// Shoulders and elbows.
+    Arms,
+    /// Hips, knees and ankles.
+    Legs,
+    /// The chest turns against the hips.
+    Waist,
+}
+
+impl Group {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Head, Self::Arms, Self::Legs, Self::Waist];
+
+    /// Its name in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Head => "head",
+            Self::Arms => "arms",
+            Self::Legs => "legs",
+            Self::Waist => "waist",
+        }
+    }
+}
+
+impl fmt::Display for Group {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// One servo of a unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// What its joint is called behind the unit's name; nothing for the only one.
+    pub name: &'static str,
+    /// What it turns about in the T-pose, in figure axes.
+    pub axis: [f64; 3],
+}
+
+/// What one bone needs: a servo that follows a turn, or a chain of servos.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unit {
+    /// Of what it is a part.
+    pub group: Group,
+    /// Such as `right shoulder`.
+    pub name: String,
+    /// The bone that it moves.
+    pub bone: Part,
+    /// The bone that carries it.
+    pub against: Part,
+    /// Its servos, the one nearest to the bone that stays first.
+    pub axes: Vec<Axis>,
+    /// Two other axes that may serve a recording better. A chain of two cannot be followed where its bone points along
+    /// the first axis: with these it is another direction.
+    pub others: Option<[Axis; 2]>,
+    /// What a servo more would turn about.
+    pub more: Option<Axis>,
+    /// Whether its axis is a hinge, which a recording tells.
+    pub is_hinge: bool,
+}
+
+impl Unit {
+    /// All that a figure has bones for.
+    pub fn all(body: &Body) -> Vec<Self> {
+        let has = |part: &Part| body.joint(*part).is_some();
+        let trunk = [Part::Chest, Part::Spine, Part::Hips].into_iter().find(has);
+        let mut units = Vec::new();
+        let mut add =
+            |group, name: String, bone, against: Option<Part>, axes: &[(&'static str, [f64; 3])], servos| {
+                let Some(against) = against.filter(|against| has(&bone) && has(against) && *against != bone)
+                else {
+                    return;
+                };
+                let mut axes: Vec<Axis> = axes.iter().map(|&(name, axis)| Axis { name, axis }).collect();
+                let more = (axes.len() > servos).then(|| axes.pop()).flatten();
+                units.push(Self { group, name, bone, against, axes, others: None, more, is_hinge: false });
+            };
+        if let Some(trunk) = trunk.filter(|trunk| *trunk != Part::Hips) {
+            let axes = [("turn", Y), ("bend", X)];
+            add(Group::Waist, "waist".to_owned(), trunk, Some(Part::Hips), &axes, 1);
+        }
+        add(Group::Head, "head".to_owned(), Part::Head, trunk, &[("turn", Y), ("nod", X), ("tilt", Z)], 2);
+        for side in [Side::Right, Side::Left] {
+            let name = |joint: &str| format!("{} {joint}", side.name());
+            let upper_arm = Part::UpperArm(side);
+            let axes = [("swing", X), ("lift", Z), ("twist", X)];
+            add(Group::Arms, name("shoulder"), upper_arm, trunk, &axes, 2);
+            // So that a bent elbow has a positive value.
+            let hinge = [("", [0.0, -side.sign(), 0.0])];
+            add(Group::Arms, name("elbow"), Part::Forearm(side), Some(upper_arm), &hinge, 1);
+        }
+        for side in [Side::Right, Side::Left] {
+            let name = |joint: &str| format!("{} {joint}", side.name());
+            let (thigh, shin) = (Part::Thigh(side), Part::Shin(side));
+            let axes = [("swing", X), ("spread", Z), ("twist", Y)];
+            add(Group::Legs, name("hip"), thigh, Some(Part::Hips), &axes, 2);
+            add(Group::Legs, name("knee"), shin, Some(thigh), &[("", X)], 1);
+            add(Group::Legs, name("ankle"), Part::Foot(side), Some(shin), &[("", X)], 1);
+        }
+        for unit in &mut units {
+            unit.is_hinge = matches!(unit.bone, Part::Forearm(_) | Part::Shin(_));
+            if matches!(unit.bone, Part::UpperArm(_)) {
+                unit.others = Some([Axis { name: "lift", axis: Z }, Axis { name: "swing", axis: Y }]);
+            }
+        }
+        units
+    }
+
+    /// The name of the joint of one of its axes.
+    pub fn joint_name(&self, axis: &Axis) -> String {
+        if axis.name.is_empty() { self.name.clone() } else { format!("{} {}", self.name, axis.name) }
+    }
+}
