@@ -108,7 +108,7 @@ fn add(sums: Sums, words: &[u16], first: usize, stride: usize) -> Sums {
 mod tests {
     use super::*;
     use crate::predict::adaptive::{movement, solve};
-    use crate::testing::Random;
+    use crate::testing::{Random, times};
     use std::vec;
     use std::vec::Vec;
 
@@ -137,10 +137,10 @@ mod tests {
             let mut words = vec![0xdead; 2 * length];
             Ring::clear(&mut words, 2);
             let mut movements = [const { Vec::new() }; 2];
-            for number in 1..2000 {
+            for number in 1..times(2000, 320) {
                 let ring = ring(number, length);
                 for (channel, movements) in movements.iter_mut().enumerate() {
-                    let difference = match (number / 250 + channel) % 4 {
+                    let difference = match (number / times(250, 40) + channel) % 4 {
                         0 => i32::MIN,
                         1 => random.next() as i32,
                         2 => random.next() as i32 >> random.below(20),

@@ -138,7 +138,7 @@ fn turns(clip: &Clip, body: &Body, units: &[Unit]) -> Vec<Vec<Matrix>> {
     turns
 }
 
-/// The recording on these units, where each joint may go half a turn either way as fast as the servo can.
+/// The recording on these units, where each joint may go as far as a human's, as fast as the servo can.
 fn fitted(clip: &Clip, body: &Body, units: &[Unit], servo: &Servo) -> Fitted {
     let mut plan = Plan { joints: Vec::new(), chains: Vec::new() };
     for unit in units {
@@ -157,7 +157,7 @@ fn fitted(clip: &Clip, body: &Body, units: &[Unit], servo: &Servo) -> Fitted {
                 follows,
                 is_rotation: true,
                 offset: 0.0,
-                range: [-180.0, 180.0],
+                range: axis.reach,
                 max_speed: servo.speed,
                 max_acceleration: f64::MAX,
             });

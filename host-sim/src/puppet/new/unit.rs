@@ -48,6 +48,23 @@ pub struct Axis {
     pub name: &'static str,
     /// What it turns about in the T-pose, in figure axes.
     pub axis: [f64; 3],
+    /// As far as a human joint goes and some way more, in degrees. A chain can point a bone in most directions in two
+    /// ways; only one of them is within these.
+    pub reach: [f64; 2],
+}
+
+impl Axis {
+    const fn new(name: &'static str, axis: [f64; 3], reach: [f64; 2]) -> Self {
+        Self { name, axis, reach }
+    }
+}
+
+/// The reach of a joint of this side, where the left one's is given.
+const fn mirrored(side: Side, [low, high]: [f64; 2]) -> [f64; 2] {
+    match side {
+        Side::Left => [low, high],
+        Side::Right => [-high, -low],
+    }
 }
 
 /// What one bone needs: a servo that follows a turn, or a chain of servos.
@@ -78,42 +95,57 @@ impl Unit {
         let has = |part: &Part| body.joint(*part).is_some();
         let trunk = [Part::Chest, Part::Spine, Part::Hips].into_iter().find(has);
         let mut units = Vec::new();
-        let mut add =
-            |group, name: String, bone, against: Option<Part>, axes: &[(&'static str, [f64; 3])], servos| {
-                let Some(against) = against.filter(|against| has(&bone) && has(against) && *against != bone)
-                else {
-                    return;
-                };
-                let mut axes: Vec<Axis> = axes.iter().map(|&(name, axis)| Axis { name, axis }).collect();
-                let more = (axes.len() > servos).then(|| axes.pop()).flatten();
-                units.push(Self { group, name, bone, against, axes, others: None, more, is_hinge: false });
+        let mut add = |group, name: String, bone, against: Option<Part>, axes: &[Axis], servos| {
+            let Some(against) = against.filter(|against| has(&bone) && has(against) && *against != bone)
+            else {
+                return;
             };
+            let mut axes = axes.to_vec();
+            let more = (axes.len() > servos).then(|| axes.pop()).flatten();
+            units.push(Self { group, name, bone, against, axes, others: None, more, is_hinge: false });
+        };
         if let Some(trunk) = trunk.filter(|trunk| *trunk != Part::Hips) {
-            let axes = [("turn", Y), ("bend", X)];
+            let axes = [Axis::new("turn", Y, [-120.0, 120.0]), Axis::new("bend", X, [-90.0, 120.0])];
             add(Group::Waist, "waist".to_owned(), trunk, Some(Part::Hips), &axes, 1);
         }
-        add(Group::Head, "head".to_owned(), Part::Head, trunk, &[("turn", Y), ("nod", X), ("tilt", Z)], 2);
+        let axes = [
+            Axis::new("turn", Y, [-150.0, 150.0]),
+            Axis::new("nod", X, [-90.0, 90.0]),
+            Axis::new("tilt", Z, [-90.0, 90.0]),
+        ];
+        add(Group::Head, "head".to_owned(), Part::Head, trunk, &axes, 2);
         for side in [Side::Right, Side::Left] {
             let name = |joint: &str| format!("{} {joint}", side.name());
             let upper_arm = Part::UpperArm(side);
-            let axes = [("swing", X), ("lift", Z), ("twist", X)];
+            // The arm hangs down at a swing of 0 and a lift of 90 (right) or -90 degrees.
+            let axes = [
+                Axis::new("swing", X, [-220.0, 120.0]),
+                Axis::new("lift", Z, mirrored(side, [-180.0, 5.0])),
+                Axis::new("twist", X, [-120.0, 120.0]),
+            ];
             add(Group::Arms, name("shoulder"), upper_arm, trunk, &axes, 2);
             // So that a bent elbow has a positive value.
-            let hinge = [("", [0.0, -side.sign(), 0.0])];
+            let hinge = [Axis::new("", [0.0, -side.sign(), 0.0], [-180.0, 180.0])];
             add(Group::Arms, name("elbow"), Part::Forearm(side), Some(upper_arm), &hinge, 1);
         }
         for side in [Side::Right, Side::Left] {
             let name = |joint: &str| format!("{} {joint}", side.name());
             let (thigh, shin) = (Part::Thigh(side), Part::Shin(side));
-            let axes = [("swing", X), ("spread", Z), ("twist", Y)];
+            let axes = [
+                Axis::new("swing", X, [-180.0, 120.0]),
+                Axis::new("spread", Z, [-90.0, 90.0]),
+                Axis::new("twist", Y, [-120.0, 120.0]),
+            ];
+            let hinge = [Axis::new("", X, [-180.0, 180.0])];
             add(Group::Legs, name("hip"), thigh, Some(Part::Hips), &axes, 2);
-            add(Group::Legs, name("knee"), shin, Some(thigh), &[("", X)], 1);
-            add(Group::Legs, name("ankle"), Part::Foot(side), Some(shin), &[("", X)], 1);
+            add(Group::Legs, name("knee"), shin, Some(thigh), &hinge, 1);
+            add(Group::Legs, name("ankle"), Part::Foot(side), Some(shin), &hinge, 1);
         }
         for unit in &mut units {
             unit.is_hinge = matches!(unit.bone, Part::Forearm(_) | Part::Shin(_));
-            if matches!(unit.bone, Part::UpperArm(_)) {
-                unit.others = Some([Axis { name: "lift", axis: Z }, Axis { name: "swing", axis: Y }]);
+            if let Part::UpperArm(side) = unit.bone {
+                let lift = Axis::new("lift", Z, mirrored(side, [-225.0, 135.0]));
+                unit.others = Some([lift, Axis::new("swing", Y, [-90.0, 90.0])]);
             }
         }
         units
