@@ -154,3 +154,23 @@ fn tables_and_moves_go_in_and_out() {
     let high = nod["channels"][0]["high"].as_f64().unwrap();
     assert!((high - 0.5_f64.to_degrees()).abs() < 0.5, "{high}");
 }
+
+#[test]
+fn a_clip_comes_out_in_every_format_and_goes_in_again() {
+    let folder = folder(&[("bow.bvh", &bow(1.0, "0.0333333"))]);
+    let at = folder.path();
+    done(at, &["encode", "bow.bvh", "--target-error", "0.005", "-o", "bow.mclip"]);
+    for name in ["out.bvh", "out.glb", "out.csv", "out.json"] {
+        done(at, &["decode", "bow.mclip", "--skeleton", "bow.bvh", "-o", name]);
+        let report = info(at, name);
+        assert_eq!((&report["frames"], &report["fps"]), (&90.into(), &30.0.into()), "{name}");
+        let channels = report["channels"].as_array().unwrap();
+        let spine = channels.iter().find(|channel| channel["name"] == "Spine.rx").unwrap();
+        // GLB has other Euler angles.
+        if name != "out.glb" {
+            let high = spine["high"].as_f64().unwrap();
+            assert!((high - 10.0).abs() < 0.5, "{name}: {high}");
+        }
+        done(at, &["encode", name, "-o", "again.mclip"]);
+    }
+}

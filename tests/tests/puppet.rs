@@ -165,7 +165,11 @@ fn scan_finds_who_is_there_and_who_is_not() {
 
 #[test]
 fn calibrate_writes_where_joints_were_held() {
-    calibrates("sample.toml", 3, 2100, 1500, 2500);
+    let said = calibrates("sample.toml", 3, 2100, 1500, 2500);
+    assert!(!said.contains("wider"), "{said}");
+    // The file has 683 to 2731.
+    let said = calibrates("sample.toml", 3, 2100, 600, 2500);
+    assert!(said.contains("wider than the range that the file has, 683 to 2731"), "{said}");
 }
 
 #[test]
@@ -183,8 +187,8 @@ fn calibrate_measures_an_scs() {
     calibrates("sample-buses.toml", 3, 600, 300, 900);
 }
 
-/// Holds a servo at its zero, turns it to both ends by hand, and looks for that in the puppet.
-fn calibrates(name: &str, servo: u8, zero: i32, low: i32, high: i32) {
+/// Holds a servo at its zero, turns it to both ends by hand, and looks for that in the puppet. What else was said.
+fn calibrates(name: &str, servo: u8, zero: i32, low: i32, high: i32) -> String {
     let folder = tempfile::tempdir().unwrap();
     let puppet = puppet_of(folder.path(), name);
     let events = folder.path().join("hand.toml");
@@ -229,6 +233,9 @@ fn calibrates(name: &str, servo: u8, zero: i32, low: i32, high: i32) {
     let comments = |text: &str| text.lines().filter(|line| line.starts_with('#')).count();
     assert_eq!(comments(&after), comments(&before));
     assert_eq!(run(sub("check").arg(&puppet)).0, Some(0));
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    rest
 }
 
 /// The goals of a servo in a log, where a row has more of `row` in front of its servo.

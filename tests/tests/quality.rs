@@ -1,7 +1,7 @@
 //! What `encode`, `compare` and `puppet check` say of a clip's errors, against recordings whose right answer is known.
 #![allow(clippy::unwrap_used)]
 
-use bunraku_tests::bunraku;
+use bunraku_tests::{bunraku, motion, trials, workspace};
 use serde_json::Value;
 use std::fmt::Write;
 use std::fs;
@@ -44,7 +44,7 @@ fn said(output: &Output) -> String {
 }
 
 fn compare(recording: &Path, clip: &Path) -> Value {
-    let output = run(bunraku().arg("compare").arg(recording).arg(clip).arg("--json"));
+    let output = run(bunraku().arg("compare").arg(recording).arg(clip).args(["--unit", "cm", "--json"]));
     assert!(output.status.success(), "{}", said(&output));
     serde_json::from_slice(&output.stdout).unwrap()
 }
@@ -83,7 +83,8 @@ fn bounds_hold_where_there_is_movement() {
     let folder = Folder::new();
     let recording = folder.file("nod.bvh", &bvh(["hips", "neck"], ZXY, &nods()));
     for (target, worst) in [(0.05, 0.5), (0.2, 2.0)] {
-        let (clip, _, said) = folder.encode(&recording, &["--target-error", &target.to_string()]);
+        let (clip, _, said) =
+            folder.encode(&recording, &["--unit", "cm", "--target-error", &target.to_string()]);
         assert_eq!(said, "");
         let report = compare(&recording, &clip);
         assert!(number(&report, "moving_joint_cm") <= target, "{report}");
@@ -181,11 +182,12 @@ fn a_puppets_joints_are_within_their_degrees_as_they_are_played() {
     let other = "channel = 'hips.rx'\nrange = [-60, 60]\nmax_speed = 600";
     let file = folder.file("puppet.toml", &puppet(&[("nod", FREE), ("bow", other)]));
     let puppet = ["--puppet", file.to_str().unwrap()];
+    let in_cm = ["--unit", "cm"];
     for (arguments, rms, worst) in
         [(&[][..], 0.25, 2.0), (&["--target-degrees", "1", "--worst-degrees", "1.5"][..], 1.0, 1.5)]
     {
-        let (clip, report, said) = folder.encode(&recording, &[&puppet[..], arguments].concat());
-        assert_eq!(said, "");
+        let (clip, report, said) = folder.encode(&recording, &[&puppet[..], &in_cm, arguments].concat());
+        assert!(!said.contains("joint \"nod\"") && !said.contains("joint \"bow\""), "{said}");
         let nod = &report["joints"][0];
         assert!(number(nod, "rms") <= rms && number(&nod["worst"], "value") <= worst, "{nod}");
         assert!((nod["played"][1].as_f64().unwrap() - 20.0).abs() < 1.5, "{nod}");
@@ -214,22 +216,50 @@ fn a_puppets_joints_are_within_their_degrees_as_they_are_played() {
 fn a_joint_that_cannot_do_it_is_named_with_what_it_does() {
     let folder = Folder::new();
     let recording = folder.file("nod.bvh", &bvh(["hips", "neck"], ZXY, &nods()));
-    let short = "channel = 'neck.rx'\nrange = [-60, 10]\nmax_speed = 600";
-    let file = folder.file("puppet.toml", &puppet(&[("nod", FREE), ("short", short)]));
-    let (clip, report, said) = folder.encode(&recording, &["--puppet", file.to_str().unwrap()]);
-    let [nod, short] = [0, 1].map(|index| &report["joints"][index]);
+    let slow = "channel = 'neck.rx'\nrange = [-60, 60]\nmax_speed = 10";
+    let file = folder.file("puppet.toml", &puppet(&[("nod", FREE), ("slow", slow)]));
+    let arguments = ["--unit", "cm", "--puppet", file.to_str().unwrap()];
+    let (clip, report, said) = folder.encode(&recording, &arguments);
+    let [nod, slow] = [0, 1].map(|index| &report["joints"][index]);
     assert!(number(nod, "rms") <= 0.25, "{nod}");
-    // The clip has what the joint can do, and the table what it cannot.
-    assert!(number(short, "rms") <= 0.25, "{short}");
-    let told = said.lines().find(|line| line.starts_with("short")).unwrap();
-    assert!(
-        told.contains("0.0 to 20.0 °") && told.contains("once, ") && told.contains("; 10.0 ° at"),
-        "{said}"
-    );
-    assert!(!said.lines().any(|line| line.starts_with("nod")), "{said}");
+    let (rms, worst) = (number(slow, "rms"), number(&slow["worst"], "value"));
+    assert!(worst > 10.0 && number(slow, "clip_rms") <= 0.25, "{slow}");
+    let expected = format!("joint \"slow\" is {rms:.2} ° RMS and {worst:.2} ° at worst");
+    assert!(said.contains(&expected) && !said.contains("joint \"nod\""), "{said}");
     // compare says the same of the clip.
     let compared =
         run(bunraku().arg("compare").arg(&recording).arg(&clip).arg("--puppet").arg(&file).arg("--json"));
     let compared: Value = serde_json::from_slice(&compared.stdout).unwrap();
     assert_eq!(compared["joints"], report["joints"]);
+}
+
+/// docs/RESULTS.md, "Clips for a puppet".
+#[test]
+fn twenty_joints_take_an_eighth_of_int16_and_a_twentieth_of_blenders_frames() {
+    if motion().is_none() {
+        return;
+    }
+    let folder = Folder::new();
+    let puppet = workspace().join("puppets/cmu-20.toml");
+    let (mut bytes, mut seconds, mut beyond) = (0.0, 0.0, 0);
+    for (recording, skeleton) in trials().unwrap() {
+        let files = [&skeleton, &puppet].map(|path| path.to_str().unwrap());
+        let arguments =
+            ["--rate", "120", "--fps", "60", "--skeleton", files[0], "--puppet", files[1], "--smooth"];
+        let (_, report, said) = folder.encode(&recording, &arguments);
+        let joints = report["joints"].as_array().unwrap();
+        assert_eq!(joints.len(), 20);
+        for joint in joints {
+            let within = number(joint, "rms") <= 0.25 && number(&joint["worst"], "value") <= 2.0;
+            assert_eq!(within, !said.contains(&format!("joint {} is ", joint["joint"])), "{joint}: {said}");
+            beyond += u32::from(!within);
+            // What the joint's limits keep it from, the clip has nevertheless.
+            assert!(number(joint, "clip_rms") < 0.28 && number(joint, "clip_worst") < 1.0, "{joint}");
+        }
+        bytes += number(&report, "bytes");
+        seconds += number(&report, "frames") / 60.0;
+    }
+    let rate = bytes / seconds / 20.0;
+    assert!((12.0..15.0).contains(&rate), "{rate} bytes a second and servo");
+    assert!(beyond <= 6, "{beyond} of 240 joints");
 }

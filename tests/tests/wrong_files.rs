@@ -135,7 +135,7 @@ fn clips() {
     refused(
         folder.path(),
         &["decode", "walk.qmd", "--skeleton", "puppet.asf", "-o", "out.txt"],
-        &["out.txt", "txt", "expected amc, bvh, csv or json"],
+        &["out.txt", "txt", "expected amc, bvh, csv, glb or json"],
     );
     refused(
         folder.path(),

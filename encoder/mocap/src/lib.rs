@@ -1,6 +1,6 @@
 //! Motion capture in and out, forward kinematics, and how far two motions are apart.
 //!
-//! - [`import`] reads ASF/AMC and BVH; [`export`] writes AMC, BVH and CSV.
+//! - [`import`] reads ASF/AMC, BVH, GLB, CSV and moves as JSON; [`export`] writes AMC, BVH, GLB, CSV and JSON.
 //! - A [`Clip`] is a [`Skeleton`] (joints and named channels) and a [`Motion`] (frames of channel values).
 //!   Rotations are in degrees and lengths in centimetres, whatever the file's units were.
 //! - [`body`] says which joint is which part of the body, and how each bone is turned from the T-pose.
@@ -41,6 +41,7 @@ pub mod import;
 pub mod kinematics;
 pub mod metrics;
 pub mod motion;
+pub mod quaternion;
 mod resample;
 pub mod sample;
 pub mod skeleton;

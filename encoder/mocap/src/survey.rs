@@ -112,13 +112,6 @@ fn rotation(axes: [usize; 3], triple: [f64; 3]) -> Matrix {
     factors.fold(angles::IDENTITY, |product, factor| angles::multiply(&product, &factor))
 }
 
-/// Angle of the rotation from `a` to `b`, in degrees.
-fn angle_between(a: &Matrix, b: &Matrix) -> f64 {
-    let difference = angles::multiply(&angles::transpose(a), b);
-    let trace: f64 = (0..3).map(|k| difference[k][k]).sum();
-    ((trace - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees()
-}
-
 fn flips(skeleton: &Skeleton, motion: &Motion) -> Vec<Flips> {
     let (jump, turn) = FLIP;
     let mut found = Vec::new();
@@ -132,7 +125,8 @@ fn flips(skeleton: &Skeleton, motion: &Motion) -> Vec<Flips> {
             let nearest = angles::nearest_triple(now, before);
             let flipped = angles::wrap(nearest[0] - now[0]).abs() > 90.0;
             let largest = (0..3).map(|k| angles::wrap(now[k] - before[k]).abs()).fold(0.0, f64::max);
-            flipped && largest > jump && angle_between(&rotation(axes, before), &rotation(axes, now)) < turn
+            let step = angles::multiply(&angles::transpose(&rotation(axes, before)), &rotation(axes, now));
+            flipped && largest > jump && angles::turned(&step) < turn
         };
         let frames: Vec<usize> = (1..motion.frames()).filter(is_flip).collect();
         if !frames.is_empty() {

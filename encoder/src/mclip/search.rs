@@ -301,12 +301,12 @@ fn smallest_within(
             coarse = middle;
         }
     }
-    let (mut step, mut smallest) = (fine.exp(), usize::MAX);
+    // Finer ones may be hardly larger.
+    let mut step = fine.exp();
+    let (_, coarsest) = attempt(Quality::Step(step))?;
     while step > RANGE.0 {
         step /= 2.0;
-        let (_, bytes) = attempt(Quality::Step(step))?;
-        smallest = smallest.min(bytes);
-        if bytes > smallest + SPARE_BYTES {
+        if attempt(Quality::Step(step))?.1 > coarsest + SPARE_BYTES {
             break;
         }
     }

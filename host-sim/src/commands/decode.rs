@@ -11,7 +11,7 @@ use puppet_file::Channels;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Decode a clip into AMC, BVH, CSV, or JSON as the Blender Servo Animation add-on writes it.
+/// Decode a clip into AMC, BVH, CSV, GLB, or JSON as the Blender Servo Animation add-on writes it.
 ///
 /// A clip that was made for a puppet has only some of the skeleton's channels; the others become 0. CSV needs no skeleton where
 /// the clip names its channels: it then has these alone.
@@ -31,7 +31,7 @@ pub struct Args {
     #[arg(long, value_name = "F")]
     fps: Option<f64>,
     /// Where the motion goes; its extension says the format.
-    #[arg(short, long, value_name = "OUT.amc|.bvh|.csv|.json")]
+    #[arg(short, long, value_name = "OUT.amc|.bvh|.csv|.glb|.json")]
     output: PathBuf,
 }
 
@@ -44,9 +44,9 @@ enum Layout {
 
 pub fn run(args: Args) -> Result<ExitCode> {
     let extension = args.output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    if !["amc", "bvh", "csv", "json"].contains(&extension.as_str()) {
+    if !["amc", "bvh", "csv", "glb", "json"].contains(&extension.as_str()) {
         let output = args.output.display();
-        bail!("{output}: found the extension {extension:?}, expected amc, bvh, csv or json");
+        bail!("{output}: found the extension {extension:?}, expected amc, bvh, csv, glb or json");
     }
     let skeleton = args.skeleton.as_deref();
     let skeleton = skeleton.map(|path| import::read_skeleton(path, args.unit)).transpose()?;
@@ -88,6 +88,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
                 motion.wrap_angles(skeleton);
                 export::bvh::write(&mut file, skeleton, &motion)
             }
+            (Layout::Skeleton(skeleton), "glb") => export::glb::write(&mut file, skeleton, &motion),
             (Layout::Skeleton(skeleton), "json") => export::servo_json::write(&mut file, skeleton, &motion),
             (Layout::Skeleton(skeleton), _) => export::csv::write(&mut file, skeleton, &motion),
         }

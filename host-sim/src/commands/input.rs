@@ -42,7 +42,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// The motion in a .amc, .bvh, .csv or .json file, fitted to the puppet where there is one.
+    /// The motion in a .amc, .bvh, .csv, .glb or .json file, fitted to the puppet where there is one.
     pub fn load(&self, path: &Path) -> Result<Clip> {
         Ok(self.load_fitted(path)?.0)
     }
@@ -50,7 +50,10 @@ impl Source {
     /// As [`load`](Self::load), and what the puppet cannot do of it.
     pub fn load_fitted(&self, path: &Path) -> Result<(Clip, Option<Report>)> {
         if is_clip(path) {
-            bail!("{} is a compressed clip, expected a motion (.amc, .bvh, .csv or .json)", path.display());
+            bail!(
+                "{} is a compressed clip, expected a motion (.amc, .bvh, .csv, .glb or .json)",
+                path.display()
+            );
         }
         let (skeleton, unit) = (self.skeleton.as_deref(), self.unit.clone());
         let options = Options { skeleton, unit, fps: self.rate, sampled_fps: self.fps };

@@ -1,6 +1,8 @@
 //! The table of a puppet's joints in a clip: what `encode`, `compare`, `play` and `puppet check` say of them.
 
 use anyhow::{Context, Result};
+use firmware::decoder_list::SingleClip;
+use firmware::library::Library;
 use host_sim::clip::Clip;
 use host_sim::puppet::joint_errors::{Asked, JointBounds, JointError, Recorded};
 use puppet_file::{Channels, Map, Puppet, Unit};
@@ -38,20 +40,22 @@ impl Table {
         Self { rows: rows.collect() }
     }
 
-    /// Of a clip alone: what the limits of the joints make of it.
+    /// Of a clip alone, at a rate in hundredths of a hertz: what the limits of the joints make of it.
     ///
     /// # Errors
     /// Where clip and map do not fit together.
     pub fn of_clip(
         path: &Path,
         clip: &Clip<'_>,
+        centihertz: u16,
         puppet: &Puppet,
         map: &Map,
         channels: &Channels,
     ) -> Result<Self> {
         let errors = || {
-            let asked = clip.decode(|frames| Asked::of(frames, map))?;
-            clip.decode(|frames| asked.errors(frames))
+            let asked = clip
+                .decode(|frames| Asked::of(&mut SingleClip::new(frames, Some(centihertz)).open(0)?, map))?;
+            clip.decode(|frames| asked.errors(&mut SingleClip::new(frames, Some(centihertz)).open(0)?))
         };
         let errors = errors().with_context(|| format!("cannot play {}", path.display()))?;
         Ok(Self::new(puppet, map, channels, errors))
@@ -77,16 +81,15 @@ impl Table {
     /// Prints it, and what it shows of joints that never move.
     pub fn print(&self) {
         let width = self.rows.iter().map(|row| row.joint.chars().count()).max().unwrap_or(0).max(5);
-        let has_recording = self.rows.iter().all(|row| row.least.is_some());
-        let recorded = if has_recording { format!("{:>19}  ", "recorded") } else { String::new() };
+        let is_fitted = self.rows.iter().all(|row| row.least.is_some());
+        let recorded = if is_fitted { format!("{:>19}  ", "fitted") } else { String::new() };
         println!(
             "{:width$}  {recorded}{:>19}  {:>19}  {:>8}  {:>8}",
             "joint", "in the clip", "played", "RMS", "worst"
         );
         for Row { joint, unit, error, .. } in &self.rows {
             let range = |[low, high]: [f64; 2]| format!("{low:7.1} to {high:6.1} {unit}");
-            let recorded =
-                if has_recording { format!("{:>19}  ", range(error.recorded)) } else { String::new() };
+            let recorded = if is_fitted { format!("{:>19}  ", range(error.asked)) } else { String::new() };
             println!(
                 "{joint:width$}  {recorded}{:>19}  {:>19}  {:>6.2} {unit}  {:>6.2} {unit} at {:.2} s",
                 range(error.clip),
@@ -99,10 +102,10 @@ impl Table {
         let count = self.rows.iter().filter(|row| row.error.stands_still()).count();
         println!("{} of {} joints move", self.rows.len() - count, self.rows.len());
         for Row { joint, unit, error, .. } in self.rows.iter().filter(|row| row.error.stands_still()) {
-            let (told, [low, high]) = (error.played[0], error.recorded);
-            let source = if has_recording { "recording" } else { "clip" };
+            let (told, [low, high]) = (error.played[0], error.asked);
+            let source = if is_fitted { "fit asks for" } else { "the clip has" };
             println!(
-                "joint \"{joint}\" never moves: its servo is told {told:.1} {unit} all the time, and the {source} has {low:.1} to \
+                "joint \"{joint}\" never moves: its servo is told {told:.1} {unit} all the time, and {source} {low:.1} to \
                  {high:.1} {unit}"
             );
         }
@@ -115,13 +118,13 @@ impl Table {
         {
             let why = match least {
                 Some(least) if bounds.excess(least) > 1.0 => format!(
-                    "; the joint's limits alone keep it {:.2} {unit} RMS and {:.2} {unit} at worst from what was recorded",
+                    "; the joint's limits alone keep it {:.2} {unit} RMS and {:.2} {unit} at worst from that",
                     least.rms, least.worst.value
                 ),
                 _ => String::new(),
             };
             eprintln!(
-                "bunraku: {}: joint \"{joint}\" is {:.2} {unit} RMS and {:.2} {unit} at worst, at {:.2} s, from what was recorded; \
+                "bunraku: {}: joint \"{joint}\" is {:.2} {unit} RMS and {:.2} {unit} at worst, at {:.2} s, from what fit asks for; \
                  expected {} and {} at most{why}",
                 path.display(),
                 error.rms,

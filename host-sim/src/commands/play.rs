@@ -1,5 +1,6 @@
 //! `bunraku play`: clips on a puppet of virtual or real servos.
 
+use super::joints::Table;
 use super::play_report::{Progress, Spent, print, report};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use firmware::clock::Speed;
@@ -178,9 +179,19 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let log = serde_json::to_value(&args.log)?;
         let failed = outcome.failed.as_ref().map(|why| format!("{why:#}"));
         let figures = report(&map, &outcome.recording, outcome.live.as_ref(), outcome.spent);
-        println!("{:#}", figures.with([("on", on), ("log", log), ("failed", failed.into())]));
+        let joints = serde_json::to_value(tables(&args, &clips, centihertz, &puppet, &map)?)?;
+        let more = [("on", on), ("log", log), ("failed", failed.into()), ("joints", joints)];
+        println!("{:#}", figures.with(more));
     } else if outcome.failed.is_none() {
         print(&name, &map, &outcome.recording, outcome.live.as_ref(), outcome.spent);
+        let tables = tables(&args, &clips, centihertz, &puppet, &map)?;
+        for (path, table) in args.clips.iter().zip(tables) {
+            println!(
+                "{}, the whole of it, as the player tells the servos at the clip's speed:",
+                path.display()
+            );
+            table.print();
+        }
     }
     if let Some(page) = &args.html {
         write_page(page, &args, &map, &puppet, bytes, &outcome)?;
@@ -198,6 +209,22 @@ fn map_of(args: &Args, clips: &[Clip<'_>], puppet: &Puppet) -> Result<Map> {
         channels::check_clip(path, clip, &channels)?;
     }
     Ok(puppet.map(channels)?)
+}
+
+/// The joints in each clip.
+fn tables(
+    args: &Args,
+    clips: &[Clip<'_>],
+    centihertz: u16,
+    puppet: &Puppet,
+    map: &Map,
+) -> Result<Vec<Table>> {
+    let channels = channels::of_played(&args.clips[0], &clips[0], puppet, args.skeleton.clone())?;
+    let table = |(path, clip): (&PathBuf, &Clip<'_>)| {
+        let rate = if centihertz > 0 { centihertz } else { clip.rate_centihertz() };
+        Table::of_clip(path, clip, rate, puppet, map, &channels)
+    };
+    args.clips.iter().zip(clips).map(table).collect()
 }
 
 /// What is asked of the player.

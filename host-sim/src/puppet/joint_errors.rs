@@ -16,17 +16,17 @@ use serde::Serialize;
 /// A joint in one clip.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JointError {
-    /// Lowest and highest value that was recorded; of a clip without its recording, the clip's own.
-    pub recorded: [f64; 2],
+    /// Lowest and highest value that was asked for; of a clip alone, the clip's own.
+    pub asked: [f64; 2],
     /// The same of the clip.
     pub clip: [f64; 2],
     /// The same of what the servo is told.
     pub played: [f64; 2],
-    /// Root of the mean squared difference of what the servo is told from what was recorded.
+    /// Root of the mean squared difference of what the servo is told from what was asked for.
     pub rms: f64,
     /// The largest difference.
     pub worst: Worst,
-    /// Root of the mean squared difference of the clip alone from what was recorded, before limits and rounding.
+    /// Root of the mean squared difference of the clip alone from what was asked for, before limits and rounding.
     pub clip_rms: f64,
     /// The largest difference of the clip alone.
     pub clip_worst: f64,
@@ -120,7 +120,7 @@ impl<'m> Asked<'m> {
             [one.min(other), one.max(other)]
         };
         let errors = courses.into_iter().enumerate().map(|(index, course)| JointError {
-            recorded: range(index, course.asked),
+            asked: range(index, course.asked),
             clip: range(index, course.clip),
             played: range(index, course.played),
             rms: (course.squares / course.ticks).sqrt(),
@@ -259,7 +259,7 @@ mod tests {
         let found = errors(FREE, &recorded, &recorded.map(|value| value + 2.0));
         near(found.rms, 2.0);
         near(found.worst.value, 2.0);
-        let ranges = [(found.recorded, [0.0, 30.0]), (found.clip, [2.0, 32.0]), (found.played, [2.0, 32.0])];
+        let ranges = [(found.asked, [0.0, 30.0]), (found.clip, [2.0, 32.0]), (found.played, [2.0, 32.0])];
         for (found, expected) in ranges {
             near(found[0], expected[0]);
             near(found[1], expected[1]);

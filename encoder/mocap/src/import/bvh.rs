@@ -4,6 +4,7 @@
 
 use std::borrow::Cow;
 
+use super::bones::set_bones;
 use super::error::ImportError;
 use super::imported::Imported;
 use super::names::Names;
@@ -293,44 +294,6 @@ fn read_motion(
             .push(format!("the header says {frames} frames, the file has {read} rows: these are the frames"));
     }
     Ok(Motion { fps: fps.unwrap_or(file_fps), channels, samples })
-}
-
-/// How far a position may be from that of the first frame and still be a bone's, in lengths of that bone.
-const STILL: f64 = 1e-4;
-
-/// Makes bones of the position channels below the root that stand still in all frames.
-fn set_bones(skeleton: &mut Skeleton, motion: &mut Motion, notes: &mut Vec<String>) {
-    let first = motion.frame(0);
-    let length = |joint: &Joint| {
-        let own = joint.channels.clone().filter(|&channel| !skeleton.channels[channel].dof.is_rotation());
-        own.map(|channel| first[channel] * first[channel]).sum::<f64>().sqrt()
-    };
-    let is_bone = |&channel: &usize| {
-        let Channel { dof, joint, .. } = skeleton.channels[channel];
-        let slack = STILL * length(&skeleton.joints[joint]);
-        let mut values = motion.samples[channel..].iter().step_by(motion.channels);
-        joint > 0 && !dof.is_rotation() && values.all(|value| (value - first[channel]).abs() <= slack)
-    };
-    let bones: Vec<usize> = (0..motion.channels).filter(is_bone).collect();
-    if bones.is_empty() || bones.len() == motion.channels {
-        return;
-    }
-    for &channel in &bones {
-        let Channel { dof, joint, .. } = skeleton.channels[channel];
-        if let Some(axis) = dof.axis() {
-            skeleton.joints[joint].offset[axis] = motion.samples[channel];
-        }
-    }
-    notes.push(format!(
-        "{} of {} channels are positions that stand still: they are the lengths of bones, and no channels",
-        bones.len(),
-        motion.channels
-    ));
-    let mut bones = bones.into_iter().peekable();
-    let kept: Vec<usize> =
-        (0..motion.channels).filter(|channel| bones.next_if_eq(channel).is_none()).collect();
-    *skeleton = skeleton.with_channels(&kept);
-    *motion = motion.with_channels(&kept);
 }
 
 #[cfg(test)]

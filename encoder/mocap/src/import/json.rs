@@ -52,7 +52,13 @@ pub fn parse(
             let (columns, samples) = servo_animation(object).map_err(wrong)?;
             let own = object.get("fps").and_then(Value::as_f64).filter(|fps| *fps > 0.0);
             let mut notes = Vec::new();
-            let counted = columns.iter().filter(|name| name.ends_with(".tx")).count();
+            // What we wrote ourselves says its units.
+            let says = |servo: &Value| servo.get("unit").is_some();
+            let ours = object
+                .get("servos")
+                .and_then(Value::as_object)
+                .is_some_and(|servos| servos.values().any(says));
+            let counted = if ours { 0 } else { columns.len() };
             if counted > 0 {
                 notes.push(format!(
                     "{counted} channels are positions of servos: a joint that follows one has `scale = 1` and `zero = 0`"

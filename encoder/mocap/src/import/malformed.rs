@@ -139,18 +139,18 @@ fn wrong_files_are_named() {
         (
             write("jpeg.jpg", jpeg),
             None,
-            "/jpeg.jpg: found byte 0x00 at offset 4, which is not text, expected an AMC, BVH, CSV or JSON file",
+            "/jpeg.jpg: found byte 0x00 at offset 4, which is not text, expected an AMC, BVH, CSV, GLB or JSON file",
         ),
         (write("empty.bvh", b""), None, "/empty.bvh: found an empty file, expected a BVH file"),
         (
             write("empty", b" \r\n\n"),
             None,
-            "/empty: found an empty file, expected an AMC, BVH, CSV or JSON file",
+            "/empty: found an empty file, expected an AMC, BVH, CSV, GLB or JSON file",
         ),
         (
             write("text.txt", b"hello"),
             None,
-            "/text.txt: found something else, expected an AMC, BVH, CSV or JSON file",
+            "/text.txt: found something else, expected an AMC, BVH, CSV, GLB or JSON file",
         ),
         (
             amc.clone(),
@@ -163,7 +163,7 @@ fn wrong_files_are_named() {
             "/picture.asf: found byte 0x00 at offset 4, which is not text, expected an ASF file",
         ),
         (amc.clone(), Some(&amc), "/a.amc, line 36: found the end of the file, expected a section `:root`"),
-        (asf.clone(), None, "/good.asf: found a skeleton (ASF), expected an AMC, BVH, CSV or JSON file"),
+        (asf.clone(), None, "/good.asf: found a skeleton (ASF), expected an AMC, BVH, CSV, GLB or JSON file"),
         (folder.path().join("none.bvh"), None, "cannot read /none.bvh: No such file or directory"),
     ] {
         let error = message(&path, skeleton);

@@ -1,4 +1,4 @@
-//! Import of motion capture: ASF/AMC (Acclaim), BVH (Biovision), tables (CSV), and moves as JSON.
+//! Import of motion capture: ASF/AMC (Acclaim), BVH (Biovision), tables (CSV), GLB, and moves as JSON.
 
 use std::fs;
 use std::path::Path;
@@ -8,9 +8,11 @@ use crate::skeleton::Skeleton;
 
 pub mod amc;
 pub mod asf;
+mod bones;
 pub mod bvh;
 pub mod csv;
 mod error;
+pub mod glb;
 mod imported;
 pub mod json;
 #[cfg(test)]
@@ -46,7 +48,7 @@ pub fn load(path: &Path, skeleton: Option<&Path>, fps: Option<f64>) -> Result<Cl
     Ok(read(path, &Options { skeleton, fps, ..Options::default() })?.clip)
 }
 
-/// Reads a clip from an AMC, BVH, CSV or JSON file; lengths become centimetres and angles degrees.
+/// Reads a clip from an AMC, BVH, CSV, GLB or JSON file; lengths become centimetres and angles degrees.
 ///
 /// The kind is chosen by the extension, else by the first line. An AMC file that names no rate has
 /// [`amc::DEFAULT_FPS`] unless the options say.
@@ -64,6 +66,14 @@ pub fn read(path: &Path, options: &Options) -> Result<Imported, ImportError> {
     match kind(path, &bytes) {
         Some(Kind::Bvh) => read_bvh(&bytes, &file, options),
         Some(Kind::Csv) => csv::parse(&bytes, &file, options.fps, options.sampled_fps),
+        Some(Kind::Glb) => {
+            let mut imported = glb::parse(&bytes, &file, options.fps.or(options.sampled_fps))?;
+            // The format says metres; who knows better may say so.
+            if let Some(unit) = &options.unit {
+                unit::scale(&mut imported.clip, unit.cm / 100.0);
+            }
+            Ok(imported)
+        }
         Some(Kind::Json) => json::parse(&bytes, &file, options.fps, options.sampled_fps),
         Some(Kind::Amc) => {
             text::check(&bytes, &file, "an AMC file")?;
@@ -74,7 +84,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Imported, ImportError> {
             Ok(Imported { clip: Clip { skeleton, motion }, has_rate, notes: Vec::new() })
         }
         None => {
-            let expected = "an AMC, BVH, CSV or JSON file";
+            let expected = "an AMC, BVH, CSV, GLB or JSON file";
             text::check(&bytes, &file, expected)?;
             let found = if has_extension(path, "asf") { "a skeleton (ASF)" } else { "something else" };
             Err(ImportError::File { file, found: found.to_string(), expected: expected.to_string() })
@@ -127,6 +137,7 @@ enum Kind {
     Amc,
     Bvh,
     Csv,
+    Glb,
     Json,
 }
 
@@ -137,6 +148,8 @@ fn kind(path: &Path, bytes: &[u8]) -> Option<Kind> {
         Some(Kind::Bvh)
     } else if has_extension(path, "csv") {
         Some(Kind::Csv)
+    } else if has_extension(path, "glb") || bytes.starts_with(b"glTF") {
+        Some(Kind::Glb)
     } else if has_extension(path, "json") {
         Some(Kind::Json)
     } else if has_extension(path, "asf") {

@@ -26,6 +26,25 @@ pub(super) fn near(frame_time: f64, slack: f64) -> f64 {
     meant.find(fits).unwrap_or(1.0 / frame_time)
 }
 
+/// Times that are off a steady rate by less than this part of a frame are steady: those in whole milliseconds mostly are.
+const STEADY: f64 = 0.1;
+
+/// Frames per second of ascending times in seconds, and whether they are steady: else it is the whole number nearest to the
+/// median of the rates between two. Nothing where there are fewer than two.
+pub(super) fn of_times(times: &[f64]) -> Option<(f64, bool)> {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    let median = *steps.get(steps.len() / 2)?;
+    let mean = (times.last()? - times[0]) / steps.len() as f64;
+    let off = times.iter().enumerate().map(|(row, time)| (time - times[0] - row as f64 * mean).abs());
+    let off = off.fold(0.0, f64::max);
+    if off > STEADY * mean {
+        return Some(((1.0 / median).round().max(1.0), false));
+    }
+    // All steps together say the rate more exactly than one; times are 32-bit floats in some files.
+    Some((near(mean, 2.0 * off / steps.len() as f64 + 1e-7 * mean), true))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

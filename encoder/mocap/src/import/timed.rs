@@ -19,9 +19,6 @@ pub(super) struct Timed {
     pub(super) samples: Vec<f64>,
 }
 
-/// Times that are off a steady rate by less than this part of a frame are steady: those in whole milliseconds mostly are.
-const STEADY: f64 = 0.1;
-
 /// Most frames that uneven times become: a day at 100 frames a second.
 const MOST_FRAMES: f64 = 8.64e6;
 
@@ -70,31 +67,21 @@ impl Timed {
             let found = format!("time {} of row {} behind {}", times[row], row + 1, times[row - 1]);
             return Err(wrong(&found, "times that ascend"));
         }
-        let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        if steps.is_empty() {
-            return imported(motion, false);
-        }
-        steps.sort_by(f64::total_cmp);
-        let median = steps[steps.len() / 2];
+        let fps = match rate::of_times(&times) {
+            None => return imported(motion, false),
+            Some((fps, true)) => return imported(Motion { fps, ..motion }, true),
+            Some((fps, false)) => wanted.unwrap_or(fps),
+        };
         let span = times[times.len() - 1] - times[0];
-        let mean = span / steps.len() as f64;
-        let off = times.iter().enumerate().map(|(row, time)| (time - times[0] - row as f64 * mean).abs());
-        let off = off.fold(0.0, f64::max);
-        if off <= STEADY * mean {
-            // All steps together say the rate more exactly than one.
-            let slack = 2.0 * off / steps.len() as f64 + 1e-9 * mean;
-            return imported(Motion { fps: rate::near(mean, slack), ..motion }, true);
-        }
-        let fps = wanted.unwrap_or_else(|| (1.0 / median).round().max(1.0));
         if span * fps > MOST_FRAMES {
             return Err(wrong(&format!("times over {span} seconds"), "times in seconds"));
         }
         let sampled = sample_at(&motion, &times, fps);
+        let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
+        let (least, most) = (steps.clone().fold(f64::INFINITY, f64::min), steps.fold(0.0, f64::max));
         let note = format!(
-            "the times of the {} rows are uneven ({:.4} to {:.4} s apart): sampled at {fps} frames a second",
-            times.len(),
-            steps[0],
-            steps[steps.len() - 1]
+            "the times of the {} rows are uneven ({least:.4} to {most:.4} s apart): sampled at {fps} frames a second",
+            times.len()
         );
         let mut read = imported(sampled, true)?;
         read.notes.push(note);

@@ -57,6 +57,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if chosen.is_empty() {
         bail!("{}: none of these joints has a servo that can be read", args.puppet.display());
     }
+    // Goals of the ranges as they are, to say where they become wider.
+    let before = puppet.map(puppet.channels()?);
     let lines = lines();
     say("All torque goes off: hold the puppet, and press Enter.");
     enter(&lines)?;
@@ -79,7 +81,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         }
         let zero = look(bus, servo)?.position;
         say(&format!("     its zero is {zero}. Now to both of its ends. Enter."));
-        let (min, max) = ends(bus, servo, &lines, zero)?;
+        let (min, max) = ends(bus, servo, &lines)?;
         let (lowest, highest) = goal_range(specs[servo.bus].kind);
         if min < lowest || max > highest {
             say(&format!(
@@ -89,6 +91,15 @@ pub fn run(args: Args) -> Result<ExitCode> {
             continue;
         }
         say(&format!("     {min} to {max}."));
+        let map = before.as_ref().ok();
+        let joint = map.and_then(|map| map.joints().iter().find(|joint| puppet.name_of(joint) == servo.name));
+        if let Some(joint) = joint.filter(|joint| min < joint.min || max > joint.max) {
+            let (old_min, old_max) = (joint.min, joint.max);
+            say(&format!(
+                "     That is wider than the range that the file has, {old_min} to {old_max}. To keep a limit of yours, \
+                 measure again and stop there."
+            ));
+        }
         measured.push(Measured { name: servo.name.clone(), zero, min, max });
     }
     if !measured.is_empty() {
@@ -140,8 +151,9 @@ fn look(bus: &mut SerialBus, servo: &NamedServo) -> Result<Reading> {
 }
 
 /// The lowest and the highest position until somebody presses Enter.
-fn ends(bus: &mut SerialBus, servo: &NamedServo, lines: &Receiver<String>, zero: i32) -> Result<(i32, i32)> {
-    let (mut min, mut max) = (zero, zero);
+fn ends(bus: &mut SerialBus, servo: &NamedServo, lines: &Receiver<String>) -> Result<(i32, i32)> {
+    let first = look(bus, servo)?.position;
+    let (mut min, mut max) = (first, first);
     let live = std::io::stderr().is_terminal();
     loop {
         let position = look(bus, servo)?.position;

@@ -99,7 +99,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
             Some(demands.with_context(|| format!("cannot play {}", path.display()))?)
         }
     };
-    let in_clip = clip.as_ref().map(|(path, clip)| Table::of_clip(path, clip, &puppet, &map, &channels));
+    let in_clip = clip
+        .as_ref()
+        .map(|(path, clip)| Table::of_clip(path, clip, clip.rate_centihertz(), &puppet, &map, &channels));
     let in_clip = in_clip.transpose()?;
     let report = Report { in_clip, ..report(&puppet, &map, &channels, args.return_delay, demands) };
     if args.json {

@@ -39,8 +39,6 @@ pub struct Joint {
 pub struct Proposed {
     /// What they do.
     pub unit: Unit,
-    /// Whether the hinge's axis was measured.
-    pub is_measured: bool,
     /// In the order of the unit's axes.
     pub joints: Vec<Joint>,
 }

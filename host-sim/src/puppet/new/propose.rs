@@ -1,6 +1,5 @@
 //! From a recording to a proposal.
 
-use super::hinge;
 use super::proposal::{Joint, Proposal, Proposed, Wish};
 use super::servo::Servo;
 use super::unit::Unit;
@@ -70,17 +69,6 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
             if clip.skeleton.joints.len() > names.len() { ", ..." } else { "" }
         );
     }
-    let turns = turns(clip, &body, &units);
-    let directions = TPose::of(&clip.skeleton, &body);
-    let mut measured = Vec::new();
-    for (unit, turns) in units.iter_mut().zip(&turns) {
-        let direction = body.joint(unit.bone).map(|joint| directions.direction(joint));
-        let hinge = direction.filter(|_| unit.is_hinge).and_then(|direction| hinge::axis(turns, direction));
-        if let (Some(hinge), Some(axis)) = (hinge, unit.axes.first_mut()) {
-            axis.axis = hinge.map(|part| (part * 1e3).round() / 1e3);
-            measured.push(unit.bone);
-        }
-    }
     let servo = Servo::of(wish.kind);
     if let Some(servos) = wish.servos {
         let fitted = fitted(clip, &body, &units, &servo);
@@ -96,7 +84,7 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
                 joint(unit.joint_name(axis), axis.axis, &values, clip.motion.fps, &servo, &mut notes)
             })
             .collect();
-        proposed.push(Proposed { is_measured: measured.contains(&unit.bone), unit, joints });
+        proposed.push(Proposed { unit, joints });
     }
     let joints = proposed.iter().flat_map(|unit| &unit.joints);
     let fast = joints.filter(|joint| joint.recorded_speed > servo.speed);

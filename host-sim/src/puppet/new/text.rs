@@ -43,7 +43,7 @@ pub fn text(proposal: &Proposal, source: &str) -> String {
 }
 
 fn write_unit(text: &mut String, proposed: &Proposed, id: &mut u16) {
-    let Proposed { unit, is_measured, joints } = proposed;
+    let Proposed { unit, joints } = proposed;
     let (bone, against) = (unit.bone, unit.against);
     if joints.len() > 1 {
         let _ = write!(
@@ -59,9 +59,6 @@ fn write_unit(text: &mut String, proposed: &Proposed, id: &mut u16) {
         if joints.len() > 1 {
             let _ = write!(text, "chain = \"{}\"\naxis = {}\n", unit.name, axis(joint.axis));
         } else {
-            if *is_measured {
-                text.push_str("# The axis is that of the recording.\n");
-            }
             let _ = writeln!(
                 text,
                 "turn = {{ bone = \"{bone}\", against = \"{against}\", axis = {} }}",

@@ -85,8 +85,6 @@ pub struct Unit {
     pub others: Option<[Axis; 2]>,
     /// What a servo more would turn about.
     pub more: Option<Axis>,
-    /// Whether its axis is a hinge, which a recording tells.
-    pub is_hinge: bool,
 }
 
 impl Unit {
@@ -102,7 +100,7 @@ impl Unit {
             };
             let mut axes = axes.to_vec();
             let more = (axes.len() > servos).then(|| axes.pop()).flatten();
-            units.push(Self { group, name, bone, against, axes, others: None, more, is_hinge: false });
+            units.push(Self { group, name, bone, against, axes, others: None, more });
         };
         if let Some(trunk) = trunk.filter(|trunk| *trunk != Part::Hips) {
             let axes = [Axis::new("turn", Y, [-120.0, 120.0]), Axis::new("bend", X, [-90.0, 120.0])];
@@ -124,7 +122,7 @@ impl Unit {
                 Axis::new("twist", X, [-120.0, 120.0]),
             ];
             add(Group::Arms, name("shoulder"), upper_arm, trunk, &axes, 2);
-            // So that a bent elbow has a positive value.
+            // So that a bent elbow has a positive value. Fit turns a limb's T-pose so that its hinge is along this axis.
             let hinge = [Axis::new("", [0.0, -side.sign(), 0.0], [-180.0, 180.0])];
             add(Group::Arms, name("elbow"), Part::Forearm(side), Some(upper_arm), &hinge, 1);
         }
@@ -142,10 +140,13 @@ impl Unit {
             add(Group::Legs, name("ankle"), Part::Foot(side), Some(shin), &hinge, 1);
         }
         for unit in &mut units {
-            unit.is_hinge = matches!(unit.bone, Part::Forearm(_) | Part::Shin(_));
             if let Part::UpperArm(side) = unit.bone {
                 let lift = Axis::new("lift", Z, mirrored(side, [-225.0, 135.0]));
                 unit.others = Some([lift, Axis::new("swing", Y, [-90.0, 90.0])]);
+            }
+            if matches!(unit.bone, Part::Thigh(_)) {
+                let spread = Axis::new("spread", Z, [-130.0, 130.0]);
+                unit.others = Some([spread, Axis::new("swing", X, [-130.0, 100.0])]);
             }
         }
         units
