@@ -32,7 +32,7 @@ enum What {
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  bunraku bench peers 02_01.amc --skeleton 02.asf --plot peers.svg")]
 struct PeersArgs {
-    /// The motion: .amc or .bvh.
+    /// The recording: .bvh, .amc, .glb, .csv or .json.
     input: Option<PathBuf>,
     #[command(flatten)]
     source: input::Source,

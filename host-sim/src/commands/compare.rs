@@ -21,7 +21,7 @@ use std::process::ExitCode;
     after_help = "Example:\n  bunraku compare 02_01.amc walk.qmd --skeleton 02.asf --json\n\nWith --max-error the exit code is 1 where the mean joint error is larger."
 )]
 pub struct Args {
-    /// The motion that was encoded: .amc or .bvh.
+    /// The recording that was encoded: .bvh, .amc, .glb, .csv or .json.
     reference: PathBuf,
     /// The clip, or another motion of the same channels.
     clip: PathBuf,

@@ -20,7 +20,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Encode motion capture (AMC with its ASF, or BVH) into a clip.
+/// Encode a recording (BVH, AMC with its ASF, GLB, CSV or JSON) into a clip.
 ///
 /// A .qmd has the byte layout of the QMD paper. A .mclip holds any codec in blocks with checksums, and takes what it
 /// should come to: bits of a code, bounds of its errors, or a rate; a mean joint error of 0.1 cm unless given. The clip is the
@@ -34,7 +34,7 @@ use std::time::Duration;
     after_help = "Examples:\n  bunraku encode 02_01.amc --skeleton 02.asf --codec qmd -o walk.qmd\n  bunraku encode 02_01.amc --skeleton 02.asf --codec dpcm --target-error 0.1 -o walk.mclip\n  bunraku encode 02_01.amc --skeleton 02.asf --target-error 0.1 --max-cycles 12000@cortex-m0plus -o walk.mclip"
 )]
 pub struct Args {
-    /// The motion: .amc or .bvh.
+    /// The recording: .bvh, .amc, .glb, .csv or .json.
     input: PathBuf,
     #[command(flatten)]
     source: input::Source,

@@ -22,7 +22,7 @@ use std::time::Duration;
     after_help = "Example:\n  bunraku optimize 02_01.amc --skeleton 02.asf --max-bytes 40000 -o walk.qmd"
 )]
 pub struct Args {
-    /// The motion: .amc or .bvh.
+    /// The recording: .bvh, .amc, .glb, .csv or .json.
     input: PathBuf,
     #[command(flatten)]
     source: input::Source,

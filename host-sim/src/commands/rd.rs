@@ -30,7 +30,7 @@ use std::time::Duration;
     after_help = "Examples:\n  bunraku rd cmu/*.amc --codecs dpcm,adpcm --errors 0.1,0.25\n  bunraku rd 02_01.amc --fps 30 --svg rd.svg --csv rd.csv\n  bunraku rd cmu/*.amc --fps 30 --figure 7-8 --png adaptive.png\n  bunraku rd cmu/*.amc --fps 30 --psnr 30\n  bunraku rd 02_01.amc --fps 30 --figure 7-2 --trace lfemur.rx --svg hip.svg"
 )]
 pub struct Args {
-    /// The motions: .amc or .bvh.
+    /// The recordings: .bvh, .amc, .glb, .csv or .json.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
     /// The skeleton of all AMC; each takes that of its subject from its folder (02.asf for 02_01.amc) unless given.

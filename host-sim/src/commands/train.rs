@@ -21,7 +21,7 @@ use std::process::ExitCode;
     after_help = "Example:\n  bunraku train cmu/01_04.amc cmu/14_09.amc --held-out cmu/02_01.amc --fps 30,120 -o encoder/src/codec/adpcm/multipliers.rs"
 )]
 pub struct Args {
-    /// The motions to train on: .amc or .bvh.
+    /// The recordings to train on: .bvh, .amc, .glb, .csv or .json.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
     /// Motions to measure the result on.
