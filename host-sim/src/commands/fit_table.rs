@@ -38,7 +38,8 @@ pub fn table(report: &Report) -> String {
         text += &aligned(&rows);
         let is_late = |joint: &JointReport| joint.too_fast.is_some() || joint.too_sudden.is_some();
         if !is_smoothed && report.joints.iter().any(is_late) {
-            text += "A servo that is too slow comes late. With --smooth it begins earlier instead.\n";
+            text += "A servo that is too slow comes late. With --smooth it begins earlier instead; `play --speed 0.5` leaves it twice \
+                     the time.\n";
         }
     }
     if !report.bones.is_empty() {
