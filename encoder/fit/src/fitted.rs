@@ -228,8 +228,9 @@ impl Recording {
                 turned.push((bones, Vec::with_capacity(clip.motion.frames())));
             }
         }
-        let body = Body::of(&clip.skeleton);
-        let mut t_pose = TPose::of(&clip.skeleton, &body);
+        let figure = clip.figure();
+        let body = Body::of(&figure);
+        let mut t_pose = TPose::of(&figure, &body);
         let joints = clip.skeleton.joints.len();
         let is_trunk = |joint| body.part(joint).is_some_and(|part| TRUNK.contains(&part));
         let hinges = if turned.is_empty() { Vec::new() } else { hinge::hinges(clip, &body, &mut t_pose) };

@@ -127,11 +127,23 @@ pub enum Origin {
         /// Whether its motions are in radians unless they say otherwise.
         radians: bool,
     },
+    /// The columns of a table or of a move: joints side by side, whose bones are made up.
+    Table,
     /// The hierarchy of a BVH file.
     Bvh {
         /// Centimetres in one of the file's units of length.
         cm_per_unit: f64,
     },
+}
+
+impl Origin {
+    /// Centimetres in one of the file's units of length.
+    pub const fn cm_per_unit(self) -> f64 {
+        match self {
+            Self::Asf { cm_per_unit, .. } | Self::Bvh { cm_per_unit } => cm_per_unit,
+            Self::Table => 1.0,
+        }
+    }
 }
 
 impl Skeleton {

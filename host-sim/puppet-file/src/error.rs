@@ -178,6 +178,12 @@ pub enum Problem {
     /// The clip has no channel for a joint that follows a turn, a chain or a sum.
     #[error("the clip was not made for this puppet: make one with bunraku encode --puppet and this file")]
     NotFitted,
+    /// A recording of columns alone, for a joint that follows a turn, a chain or a sum.
+    #[error(
+        "a table has columns and no bones, so that there is no turn or chain in it: give a recording with a skeleton, or \
+         follow a column with channel = \"NAME.rx\""
+    )]
+    NoBones,
     /// The skeleton has no such bone.
     #[error("the skeleton has no bone \"{name}\"; it has {}", .known.join(", "))]
     NoBone {

@@ -8,6 +8,7 @@ use firmware::limits::FINE_BITS;
 use fit::{Bones, Chain, Follows, Joint, Plan, Turn};
 use mocap::Skeleton;
 use mocap::body::{Body, Part};
+use mocap::skeleton::Origin;
 use toml::Spanned;
 
 /// What a bone is called that is none: turns against it are turns of the figure in the room.
@@ -92,6 +93,9 @@ impl Figure<'_> {
         bone: &Spanned<String>,
         against: &Spanned<String>,
     ) -> Result<Bones, Error> {
+        if self.skeleton.origin == Origin::Table {
+            return Err(puppet.wrong(bone, Problem::NoBones));
+        }
         let find = |name: &Spanned<String>| {
             let found = self.body.find(self.skeleton, name.get_ref());
             found.ok_or_else(|| puppet.wrong(name, self.missing(name.get_ref())))

@@ -2,6 +2,9 @@
 
 use fit::{BoneReport, Excess, JointReport, Report};
 
+/// A bone that is further off in the mean than this is told besides, in degrees.
+const FAR_OFF: f64 = 30.0;
+
 /// A turn about a limb's own length that is worth a word, in degrees.
 const TOLD: f64 = 5.0;
 
@@ -50,6 +53,15 @@ pub fn table(report: &Report) -> String {
         }
         text += "Where the bones point, beside the recording:\n";
         text += &aligned(&rows);
+        let far = report.bones.iter().filter(|bone| bone.mean > FAR_OFF).map(|bone| bone.bone.as_str());
+        let far: Vec<&str> = far.collect();
+        if !far.is_empty() {
+            text += &format!(
+                "More than {FAR_OFF:.0} degrees off in the mean: {}. Either the servos have no axis for that, or a bone was \
+                 taken for another part of the body; `bunraku info` shows the recording's joints.\n",
+                far.join(", ")
+            );
+        }
     }
     let twisted = report.twists.iter().filter(|twist| twist.degrees.abs() > TOLD);
     let twisted: Vec<String> = twisted.map(|twist| format!("{} {:.0}°", twist.bone, twist.degrees)).collect();

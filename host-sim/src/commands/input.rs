@@ -8,6 +8,7 @@ use fit::Report;
 use host_sim::files;
 use mocap::Clip;
 use mocap::import::{self, Imported, Options, Unit};
+use mocap::survey::Survey;
 use puppet_file::Puppet;
 use std::path::{Path, PathBuf};
 
@@ -76,9 +77,18 @@ impl Source {
             }
             _ => {}
         }
+        if self.puppet.is_some()
+            && self.frames.is_none()
+            && let Some(jump) = Survey::of(&clip).jump
+        {
+            notes.push(format!(
+                "frame 0 is apart from the others ({} jumps by {:.0} degrees), perhaps a T-pose: --frames 1.. leaves it out",
+                clip.skeleton.channels[jump.channel].name, jump.degrees
+            ));
+        }
         tell(path, &notes);
         let Some(puppet) = &self.puppet else { return Ok((clip, None)) };
-        let plan = Puppet::read(puppet)?.plan(&clip.skeleton).map_err(|mistakes| {
+        let plan = Puppet::read(puppet)?.plan(&clip.figure()).map_err(|mistakes| {
             let sentences: Vec<String> = mistakes.iter().map(ToString::to_string).collect();
             anyhow!(sentences.join("\nbunraku: "))
         })?;

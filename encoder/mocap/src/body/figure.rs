@@ -3,7 +3,7 @@
 use super::part::{Part, Side};
 use super::tree::Tree;
 use super::{geometry, names};
-use crate::skeleton::Skeleton;
+use crate::skeleton::{Origin, Skeleton};
 
 /// How the joint of a part was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +27,10 @@ impl Body {
     ///
     /// A part that the skeleton does not have, or that is not found, has no joint. Every joint is one part at most.
     pub fn of(skeleton: &Skeleton) -> Self {
+        // Whose bones are made up has names of parts at most, and no T-pose.
+        if skeleton.origin == Origin::Table {
+            return Self { joints: [None; Part::ALL.len()] };
+        }
         let tree = Tree::of(skeleton);
         let named = names::find(skeleton);
         let mut body = Self { joints: named.map(|joint| joint.map(|joint| (joint, FoundBy::Name))) };

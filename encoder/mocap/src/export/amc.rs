@@ -34,8 +34,8 @@ pub fn write(
     let Origin::Asf { cm_per_unit, .. } = skeleton.origin else {
         return Err(ExportError::Unsupported {
             format: "AMC",
-            what: "a motion of a BVH skeleton".to_string(),
-            expected: "one of an ASF skeleton; BVH and CSV can hold it",
+            what: "a motion of another skeleton".to_string(),
+            expected: "one of an ASF skeleton; BVH, GLB, CSV and JSON can hold it",
         });
     };
     write!(out, "#!OML:ASF\n:FULLY-SPECIFIED\n:DEGREES\n")?;

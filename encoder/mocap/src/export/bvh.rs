@@ -26,7 +26,8 @@ pub fn write(out: &mut impl Write, skeleton: &Skeleton, motion: &Motion) -> Resu
     check_channels(skeleton, motion)?;
     let children = children(skeleton);
     let nodes: Vec<Node> = match skeleton.origin {
-        Origin::Bvh { cm_per_unit } => {
+        Origin::Bvh { .. } | Origin::Table => {
+            let cm_per_unit = skeleton.origin.cm_per_unit();
             (0..skeleton.joints.len()).map(|joint| Node::direct(skeleton, joint, cm_per_unit)).collect()
         }
         Origin::Asf { .. } => {

@@ -36,7 +36,7 @@ pub(super) fn read(
     let Origin::Asf { cm_per_unit, radians } = skeleton.origin else {
         return Err(ImportError::File {
             file: file.to_string(),
-            found: "a BVH skeleton for it".to_string(),
+            found: "another kind of skeleton for it".to_string(),
             expected: "its ASF file".to_string(),
         });
     };

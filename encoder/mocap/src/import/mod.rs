@@ -121,11 +121,13 @@ pub fn load_skeleton(path: &Path) -> Result<Skeleton, ImportError> {
 pub fn read_skeleton(path: &Path, unit: Option<Unit>) -> Result<Skeleton, ImportError> {
     let file = path.display().to_string();
     let bytes = read_bytes(path)?;
-    if has_extension(path, "bvh") {
-        let options = Options { unit, ..Options::default() };
-        Ok(read_bvh(&bytes, &file, &options)?.clip.skeleton)
-    } else {
-        asf::parse(&bytes, &file)
+    match kind(path, &bytes) {
+        Some(Kind::Bvh) => {
+            let options = Options { unit, ..Options::default() };
+            Ok(read_bvh(&bytes, &file, &options)?.clip.skeleton)
+        }
+        Some(Kind::Glb | Kind::Csv | Kind::Json) => Ok(read(path, &Options::default())?.clip.skeleton),
+        Some(Kind::Amc) | None => asf::parse(&bytes, &file),
     }
 }
 

@@ -151,7 +151,7 @@ fn flat_skeleton(columns: &[String], notes: &mut Vec<String>) -> Skeleton {
         });
     }
     names.tell(notes);
-    Skeleton { joints, channels, origin: Origin::Bvh { cm_per_unit: 1.0 } }
+    Skeleton { joints, channels, origin: Origin::Table }
 }
 
 #[cfg(test)]

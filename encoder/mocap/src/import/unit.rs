@@ -187,6 +187,7 @@ pub fn scale(clip: &mut Clip, cm: f64) {
     }
     match &mut skeleton.origin {
         Origin::Asf { cm_per_unit, .. } | Origin::Bvh { cm_per_unit } => *cm_per_unit *= cm,
+        Origin::Table => {}
     }
 }
 

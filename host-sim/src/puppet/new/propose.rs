@@ -24,12 +24,15 @@ const JUMP: f64 = 10.0;
 /// Frames that may be beyond a range, of all: 0.1 %. A single wrong frame in a recording does not make a range.
 const BEYOND: f64 = 0.001;
 
+/// A joint that turns by less in the whole recording stands still, in degrees.
+const STILL: f64 = 1.0;
+
 /// Proposes a puppet for the figure of this recording.
 ///
 /// # Errors
 /// A sentence where the skeleton has none of the parts that are asked for, or no servo may be used.
 pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
-    let body = Body::of(&clip.skeleton);
+    let body = Body::of(&clip.figure());
     let mut notes = Vec::new();
     let all = Unit::all(&body);
     let clip = &if begins_with_a_jump(&turns(clip, &body, &all)) {
@@ -70,9 +73,25 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
         );
     }
     let servo = Servo::of(wish.kind);
+    let mut first = fitted(clip, &body, &units, &servo);
+    let still = still(&first, &units);
+    if still.iter().all(|still| *still) {
+        bail!(
+            "no joint turns by {STILL} degree or more in {} frames, so there is no range to take: give a recording that \
+             moves",
+            clip.motion.frames()
+        );
+    }
+    if still.contains(&true) {
+        let mut moves = still.iter().map(|still| !still);
+        let (moving, resting): (Vec<Unit>, _) = units.into_iter().partition(|_| moves.next() == Some(true));
+        let resting: Vec<&str> = resting.iter().map(|unit| unit.name.as_str()).collect();
+        notes.push(format!("left out, since the recording does not turn them: {}", resting.join(", ")));
+        units = moving;
+        first = fitted(clip, &body, &units, &servo);
+    }
     if let Some(servos) = wish.servos {
-        let fitted = fitted(clip, &body, &units, &servo);
-        units = choose(&fitted, units, servos, &mut notes)?;
+        units = choose(&first, units, servos, &mut notes)?;
     }
     choose_axes(clip, &body, &mut units, &servo);
     let mut values = values(&fitted(clip, &body, &units, &servo)).into_iter();
@@ -112,7 +131,7 @@ fn begins_with_a_jump(turns: &[Vec<Matrix>]) -> bool {
 
 /// The rotations of each unit's bone against the one that carries it.
 fn turns(clip: &Clip, body: &Body, units: &[Unit]) -> Vec<Vec<Matrix>> {
-    let mut t_pose = TPose::of(&clip.skeleton, body);
+    let mut t_pose = TPose::of(&clip.figure(), body);
     let mut rotations = vec![IDENTITY; clip.skeleton.joints.len()];
     let mut turns: Vec<Vec<Matrix>> = vec![Vec::new(); units.len()];
     for pose in clip.motion.iter() {
@@ -167,7 +186,20 @@ fn off(fitted: &Fitted, unit: &Unit) -> f64 {
     bone.map_or(0.0, |bone| bone.mean)
 }
 
-/// Takes the other axes of the units that follow the recording better with them.
+/// Which units turn less than [`STILL`] in all frames.
+fn still(fitted: &Fitted, units: &[Unit]) -> Vec<bool> {
+    let mut values = values(fitted).into_iter();
+    let width = |values: Vec<f64>| {
+        let ends = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (f64::min(low, *value), f64::max(high, *value))
+        });
+        ends.1 - ends.0
+    };
+    let rests = |unit: &Unit| !values.by_ref().take(unit.axes.len()).map(width).any(|width| width >= STILL);
+    units.iter().map(rests).collect()
+}
+
+/// Takes the other axes for units that follow the recording better with them, and the same for left and right.
 fn choose_axes(clip: &Clip, body: &Body, units: &mut [Unit], servo: &Servo) {
     let mut others = units.to_vec();
     for unit in &mut others {
@@ -176,8 +208,12 @@ fn choose_axes(clip: &Clip, body: &Body, units: &mut [Unit], servo: &Servo) {
         }
     }
     let (one, other) = (fitted(clip, body, units, servo), fitted(clip, body, &others, servo));
+    let limb = |unit: &Unit| unit.name.split_once(' ').map_or_else(String::new, |(_, limb)| limb.to_owned());
+    let gain = |(own, others): (&Unit, &Unit)| (limb(own), off(&one, own) - off(&other, others));
+    let gains: Vec<(String, f64)> = units.iter().zip(&others).map(gain).collect();
     for (unit, others) in units.iter_mut().zip(others) {
-        if off(&other, &others) < off(&one, unit) {
+        let limb = limb(unit);
+        if gains.iter().filter(|(own, _)| *own == limb).map(|(_, gain)| gain).sum::<f64>() > 0.0 {
             *unit = others;
         }
     }
@@ -209,7 +245,7 @@ fn choose(fitted: &Fitted, units: Vec<Unit>, servos: usize, notes: &mut Vec<Stri
         .collect();
     if !out.is_empty() {
         notes.push(format!(
-            "left out, since they move less and there are {servos} servos: {}",
+            "left out, since they move less, or need more than what is left of {servos} servos: {}",
             out.join(", ")
         ));
     }
