@@ -20,6 +20,23 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
 /// A sentence that names the file.
 pub fn write(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let failed = || format!("cannot write {}", path.display());
+    // Where a link leads; of what is not there yet, the path itself.
+    let path = &fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    if let Ok(there) = fs::metadata(path) {
+        if named_as_another(path) {
+            return Err(anyhow!(
+                "the command names this file twice: an input or another output would be lost; give another name"
+            ))
+            .with_context(failed);
+        }
+        // A device or a pipe takes the bytes. A new file must not take its place.
+        if !there.is_file() && !there.is_dir() {
+            let mut buffer =
+                BufWriter::new(fs::OpenOptions::new().write(true).open(path).with_context(failed)?);
+            write(&mut buffer)?;
+            return buffer.flush().with_context(failed);
+        }
+    }
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -36,6 +53,20 @@ pub fn write(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> R
     drop(buffer);
     file.persist(path).map_err(|error| error.error).with_context(failed)?;
     Ok(())
+}
+
+/// Whether two or more of the command's arguments are this file, which is there.
+fn named_as_another(path: &Path) -> bool {
+    let arguments = std::env::args_os().skip(1);
+    let names = arguments.filter(|argument| {
+        // Also behind the sign of `--log=FILE`.
+        let bytes = argument.as_encoded_bytes();
+        let value = bytes.iter().position(|&byte| byte == b'=').map(|sign| &bytes[sign + 1..]);
+        let value = value.and_then(|value| std::str::from_utf8(value).ok()).map(Path::new);
+        let is = |name: &Path| fs::canonicalize(name).is_ok_and(|name| name == path);
+        is(Path::new(argument)) || value.is_some_and(is)
+    });
+    names.count() > 1
 }
 
 /// Why no file can be made in a folder, without the temporary file's name, which is in what `tempfile` says.

@@ -244,10 +244,11 @@ pub fn on_rp2040(
     Ok((recorder.into_inner().finish()?, figures))
 }
 
-/// How long QEMU may take, or simulated time be: simulated seconds took half a second each where this was measured.
+/// How long QEMU may take, or simulated time be. A simulated second took half a second where this was measured; the
+/// limit ends an image that hangs, and no busy machine.
 fn limit(frames: u32, centihertz: u16) -> Duration {
     let seconds = u64::from(frames) * 100 / u64::from(centihertz.max(1));
-    Duration::from_secs(60 + 10 * seconds)
+    Duration::from_secs(600 + 30 * seconds)
 }
 
 /// Runs a future that never has to wait.

@@ -197,7 +197,7 @@ fn a_puppets_joints_are_within_their_degrees_as_they_are_played() {
             run(bunraku().arg("play").arg(&clip).args(puppet).args(["--on", "host", "--log"]).arg(&log));
         assert!(played.status.success(), "{}", self::said(&played));
         let text = fs::read_to_string(log).unwrap();
-        let goals = text.lines().filter(|line| line.split(',').nth(1) == Some("0"));
+        let goals = text.lines().filter(|line| line.split(',').nth(2) == Some("0"));
         let goals = goals.map(|line| line.rsplit(',').next().unwrap().parse::<f64>().unwrap());
         let highest = goals.fold(0.0, f64::max);
         let degrees = (highest - 2048.0) * 360.0 / 4096.0;

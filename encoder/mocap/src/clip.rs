@@ -49,8 +49,7 @@ mod tests {
             let aside = f64::from(frame % 2) * 0.5;
             writeln!(text, "0 90 0 {aside} {} {} 1 2 3", -40.0 - aside, 1.0 + aside).unwrap();
         }
-        let (skeleton, motion) = bvh::parse(text.as_bytes(), "a.bvh", 1.0, None).unwrap();
-        let clip = super::Clip { skeleton, motion };
+        let clip = bvh::parse(text.as_bytes(), "a.bvh", 1.0, None).unwrap().clip;
         assert_eq!(clip.skeleton.joints[1].offset, [0.0; 3]);
         assert_eq!(clip.figure().joints[1].offset, [0.25, -40.25, 1.25]);
         assert_eq!(clip.figure().joints[0], clip.skeleton.joints[0]);

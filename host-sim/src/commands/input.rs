@@ -77,6 +77,13 @@ impl Source {
             }
             _ => {}
         }
+        let fps = clip.motion.fps;
+        if self.puppet.is_some() && !(0.01..=655.35).contains(&fps) {
+            bail!(
+                "{}: {fps} frames a second, expected 0.01 to 655.35: give the true rate with --rate, or --fps to resample",
+                path.display()
+            );
+        }
         if self.puppet.is_some()
             && self.frames.is_none()
             && let Some(jump) = Survey::of(&clip).jump

@@ -57,7 +57,11 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let clip = args.source.load(&args.input)?;
     let wish = Wish {
         groups: if args.joints.is_empty() { Group::ALL.to_vec() } else { args.joints },
-        servos: args.servos.map(usize::from),
+        // A PCA9685 has so many outputs.
+        servos: match args.kind {
+            BusKind::Pca9685 => Some(args.servos.map_or(16, usize::from).min(16)),
+            _ => args.servos.map(usize::from),
+        },
         kind: args.kind,
     };
     let proposal = match propose(&clip, &wish) {

@@ -32,7 +32,8 @@ impl Servo {
             BusKind::Dynamixel1 => (354.0, 1_000_000, "AX-12A"),
             BusKind::Sts => (270.0, 1_000_000, "STS3215"),
             BusKind::Scs => (333.0, 1_000_000, "SCS15"),
-            BusKind::Pwm | BusKind::Pca9685 | BusKind::Blender => (352.0, 50, "MG996R"),
+            BusKind::Blender => (352.0, 115_200, "MG996R"),
+            BusKind::Pwm | BusKind::Pca9685 => (352.0, 50, "MG996R"),
         };
         let (lowest, highest) = goal_range(kind);
         Self { kind, lowest, highest, goals_per_degree: goals_per_degree(kind), speed, baud, model }
