@@ -234,10 +234,10 @@ impl Recording {
         let joints = clip.skeleton.joints.len();
         let is_trunk = |joint| body.part(joint).is_some_and(|part| TRUNK.contains(&part));
         let hinges = if turned.is_empty() { Vec::new() } else { hinge::hinges(clip, &body, &mut t_pose) };
-        let hinge_of = |joint: usize| hinges.iter().find(|hinge| hinge.below[joint]);
+        let turn_of = |joint: usize| hinges.iter().find_map(|hinge| hinge.rotations[joint]);
         let direction = |joint| {
             let own = t_pose.direction(joint);
-            hinge_of(joint).map_or(own, |hinge| apply(&transpose(&hinge.rotation), own))
+            turn_of(joint).map_or(own, |turn| apply(&transpose(&turn), own))
         };
         let directions = (0..joints).map(|joint| (!is_trunk(joint)).then(|| direction(joint))).collect();
         let mut rotations = vec![IDENTITY; joints];
@@ -245,8 +245,8 @@ impl Recording {
             for pose in clip.motion.iter() {
                 t_pose.rotations(pose, &mut rotations);
                 for (joint, rotation) in rotations.iter_mut().enumerate() {
-                    if let Some(hinge) = hinge_of(joint) {
-                        *rotation = multiply(rotation, &hinge.rotation);
+                    if let Some(turn) = turn_of(joint) {
+                        *rotation = multiply(rotation, &turn);
                     }
                 }
                 for (bones, frames) in &mut turned {

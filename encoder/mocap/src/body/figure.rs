@@ -82,6 +82,16 @@ impl Body {
         if let (None, Some(legs)) = (self.joint(Part::Hips), legs) {
             self.set(Part::Hips, Some(legs));
         }
+        // All of the body hangs on the hips, even where a joint of that name has legs alone.
+        let above = arms.or_else(|| self.joint(Part::Spine)).or_else(|| self.joint(Part::Head));
+        for limbs in [legs, above].into_iter().flatten() {
+            if let Some(hips) = self.joint(Part::Hips) {
+                let common = tree.common(hips, limbs);
+                if tree.is_below(hips, common) && tree.is_below(limbs, common) {
+                    self.set(Part::Hips, Some(common));
+                }
+            }
+        }
         let Some(hips) = self.joint(Part::Hips) else { return };
         if let Some(chest) = arms.filter(|&chest| chest != hips && tree.is_below(chest, hips)) {
             let path = tree.path(hips, chest);

@@ -88,14 +88,16 @@ pub fn find(skeleton: &Skeleton) -> [Option<usize>; Part::ALL.len()] {
     found
 }
 
-/// A name without its side: `arm` of `LeftArm`. `dropped` is the number of words in front that were left out.
+/// A name without its side: `arm` of `LeftArm`.
 struct Reading {
     side: Option<Side>,
     name: String,
-    dropped: usize,
+    /// How many words in front were left out, and how many characters in front of those that are no letters: helpers
+    /// are called `__UpLeg_L` beside `UpLeg_L`.
+    dropped: [usize; 2],
 }
 
-/// The joint that has the first of these names, and the fewest words in front of it.
+/// The joint that has the first of these names, and the least in front of it.
 fn first(
     readings: &[Vec<Reading>],
     side: Option<Side>,
@@ -107,7 +109,7 @@ fn first(
             let fitting = readings.iter().filter(|reading| reading.side == side && reading.name == *alias);
             fitting.map(move |reading| (reading.dropped, joint))
         });
-        let free = |&(_, joint): &(usize, usize)| !taken.contains(&Some(joint));
+        let free = |&(_, joint): &([usize; 2], usize)| !taken.contains(&Some(joint));
         candidates.filter(free).min().map(|(_, joint)| joint)
     })
 }
@@ -117,13 +119,14 @@ fn readings(name: &str) -> Vec<Reading> {
     let name = name.rsplit(':').next().unwrap_or(name);
     let words: Vec<&str> =
         name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+    let marks = name.chars().take_while(|c| !c.is_alphanumeric()).count();
     let mut readings = Vec::new();
     for dropped in 0..words.len() {
         let name = words[dropped..].concat().to_lowercase();
         let name = name.strip_prefix("mixamorig").unwrap_or(&name);
         let mut push = |side, name: &str| {
             if !name.is_empty() {
-                readings.push(Reading { side, name: name.to_owned(), dropped });
+                readings.push(Reading { side, name: name.to_owned(), dropped: [dropped, marks] });
             }
         };
         push(None, name);

@@ -320,6 +320,28 @@ fn without_names_the_feet_tell_left_from_right() {
     figure.check("z up, facing along y");
 }
 
+/// As MakeHuman has it: a helper before each leg, on the midline, and hips that are none.
+#[test]
+fn helpers_and_hips_of_the_legs_alone_are_no_parts() {
+    let mut figure = Scheme(
+        "MakeHuman",
+        "Root Spine1 +Spine2 Spine3* Neck Head",
+        "+__Clavicle_L Clavicle_L UpArm_L LoArm_L Hand_L",
+        "+Hips +__UpLeg_L UpLeg_L LoLeg_L Foot_L Toe_L",
+        ["_L", "_R"],
+    )
+    .figure();
+    // Both legs hang on the same.
+    let joints = &mut figure.skeleton.joints;
+    let hips = |(index, joint): (usize, &Joint)| (joint.name == "Hips").then_some(index);
+    let [left, right] = joints.iter().enumerate().filter_map(hips).collect::<Vec<_>>()[..] else {
+        panic!("a joint a leg")
+    };
+    joints.iter_mut().filter(|joint| joint.parent == Some(right)).for_each(|joint| joint.parent = Some(left));
+    joints[right].name = "helper".to_owned();
+    figure.check("MakeHuman");
+}
+
 #[test]
 fn a_skeleton_that_is_no_figure_has_no_limbs() {
     let mut figure = Figure { skeleton: empty(), parts: Vec::new() };

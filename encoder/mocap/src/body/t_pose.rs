@@ -106,6 +106,15 @@ impl TPose {
         self.directions[joint]
     }
 
+    /// How a joint's bone was brought to the T-pose beside the bone `above` it, in figure axes: the identity where the
+    /// two are to each other as at rest.
+    ///
+    /// # Panics
+    /// If the skeleton has no such joints.
+    pub fn brought(&self, joint: usize, above: usize) -> Matrix {
+        angles::multiply(&angles::transpose(&self.before[joint]), &self.before[above])
+    }
+
     /// The figure's axes in the world at rest: the rows are its left, up and forward.
     pub const fn axes(&self) -> &Matrix {
         &self.axes
