@@ -4,9 +4,10 @@
 //! backward. So the upper bone of each limb, with all that hangs on it, is turned about its length until the lower bone
 //! bends to that side in the mean of the recording. A limb that hardly bends stays as it is.
 //!
-//! Where a foot is in line with its shin at rest, all bones are along one axis, and how the leg is twisted is not
-//! told at all. A leg that hardly bends is then turned until its foot points forward in the mean. And the T-pose has
-//! brought such a foot forward before the twist was known, so that it is brought there anew.
+//! Where a foot is in line with its shin at rest, all bones are along one axis, and how the leg is twisted is not told
+//! at all. A leg that hardly bends, or whose knee bends elsewhere than behind its foot, is then turned until the foot
+//! points forward in the mean. The T-pose has brought such a foot forward before the twist was known: it is brought
+//! there anew.
 
 use mocap::Clip;
 use mocap::angles::{self, IDENTITY, Matrix, about, apply, multiply, transpose};
@@ -20,6 +21,10 @@ const FORWARD: [f64; 3] = [0.0, 0.0, 1.0];
 
 /// A foot that the T-pose has turned by more than this against its shin, in degrees, was brought forward.
 const BROUGHT: f64 = 1.0;
+
+/// A foot is turned out from where its knee bends by less than this, in degrees. Else the knee bends sideways, and the
+/// foot is right.
+const TURNED_OUT: f64 = 60.0;
 
 /// A limb's twist.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,8 +70,12 @@ pub fn hinges(clip: &Clip, body: &Body, t_pose: &mut TPose) -> Vec<Hinge> {
         .zip(bends)
         .filter_map(|(limb, [lower, foot])| {
             let along = t_pose.direction(limb.upper);
-            let degrees = degrees_about(along, limb.to, lower, frames)
-                .or_else(|| degrees_about(along, FORWARD, foot, frames))?;
+            let by_bend = degrees_about(along, limb.to, lower, frames);
+            let by_foot = degrees_about(along, FORWARD, foot, frames);
+            let degrees = match (by_bend, by_foot) {
+                (Some(bend), Some(foot)) if angles::wrap(bend - foot).abs() > TURNED_OUT => foot,
+                (bend, foot) => bend.or(foot)?,
+            };
             Some(Hinge {
                 upper: limb.upper,
                 degrees,
@@ -139,8 +148,8 @@ mod tests {
     use mocap::body::{Body, Part, Side};
 
     /// All bones of the legs are along y. The left thigh is turned by half a turn about it, the right one by a quarter,
-    /// and the feet slope by 20 degrees.
-    fn legs_along_one_axis(knees: f64) -> Clip {
+    /// and the feet slope by 20 degrees. Knees are bent by `knees`, and by `sideways` about the axis along the feet.
+    fn legs_along_one_axis(knees: f64, sideways: f64) -> Clip {
         let leg = |side: &str, x: f64| {
             format!(
                 "JOINT {side}UpLeg {{ OFFSET {x} 0 0 CHANNELS 1 Yrotation
@@ -153,7 +162,8 @@ mod tests {
             "HIERARCHY\nROOT Hips {{ OFFSET 0 90 0 CHANNELS 3 Zrotation Xrotation Yrotation
              JOINT Spine {{ OFFSET 0 10 0 CHANNELS 1 Yrotation
              JOINT Head {{ OFFSET 0 45 0 CHANNELS 1 Yrotation End Site {{ OFFSET 0 20 0 }} }} }}
-             {}{}}}\nMOTION\nFrames: 1\nFrame Time: 0.02\n0 0 0 0 0 180 {} 0 70 0 0 -90 0 {} 0 70 0\n",
+             {}{}}}\nMOTION\nFrames: 1\nFrame Time: 0.02\n0 0 0 0 0 \
+             180 {} {sideways} 70 0 0 -90 {sideways} {} 0 70 0\n",
             leg("Left", 9.0),
             leg("Right", -9.0),
             -knees,
@@ -165,8 +175,8 @@ mod tests {
 
     #[test]
     fn feet_point_forward_however_the_bones_of_a_leg_are_turned() {
-        for bent in [0.0, 50.0] {
-            let clip = legs_along_one_axis(bent);
+        for (bent, sideways) in [(0.0, 0.0), (50.0, 0.0), (0.0, 40.0)] {
+            let clip = legs_along_one_axis(bent, sideways);
             let body = Body::of(&clip.skeleton);
             let joint = |name: &str, part, against| Joint {
                 name: name.to_owned(),
@@ -195,7 +205,8 @@ mod tests {
                 for (value, expected) in fitted.clip.motion.samples.iter().zip([bent, 20.0, 0.0]) {
                     assert!((value - expected).abs() < 1e-6, "{side:?}: {:?}", fitted.clip.motion.samples);
                 }
-                for bone in &fitted.report.bones {
+                // A hinge does not bend sideways, and toes and feet do not know.
+                for bone in fitted.report.bones.iter().skip(usize::from(sideways > 0.0)) {
                     assert!(bone.worst < 1e-6, "{side:?}: {bone:?}");
                 }
             }
