@@ -106,7 +106,7 @@ mod tests {
             written(&skeleton, &motion, Rotations::AsTheyAre).expect_err("a BVH skeleton").to_string();
         assert_eq!(
             error,
-            "AMC cannot hold a motion of a BVH skeleton, expected one of an ASF skeleton; BVH and CSV can hold it"
+            "AMC cannot hold a motion of another skeleton, expected one of an ASF skeleton; BVH, GLB, CSV and JSON can hold it"
         );
         let error =
             written(&sample::clip().skeleton, &motion, Rotations::Wrapped).expect_err("another skeleton");
