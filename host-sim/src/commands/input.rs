@@ -80,7 +80,7 @@ impl Source {
         let fps = clip.motion.fps;
         if self.puppet.is_some() && !(0.01..=655.35).contains(&fps) {
             bail!(
-                "{}: {fps} frames a second, expected 0.01 to 655.35: give the true rate with --rate, or --fps to resample",
+                "{}: {fps:.3e} frames a second, expected 0.01 to 655.35: give the true rate with --rate, or --fps to resample",
                 path.display()
             );
         }

@@ -35,7 +35,8 @@ pub fn text(proposal: &Proposal, source: &str) -> String {
             servo.baud
         );
     }
-    let mut id = 1;
+    // The outputs of a board are counted from 0.
+    let mut id = u16::from(!matches!(servo.kind, BusKind::Pwm | BusKind::Pca9685));
     for unit in units {
         write_unit(&mut text, unit, &mut id);
     }
