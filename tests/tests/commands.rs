@@ -104,9 +104,10 @@ impl Page {
         symlink(motion.join("cmu"), to("cmu")).unwrap();
         for entry in fs::read_dir(motion.join("cmu")).unwrap() {
             let entry = entry.unwrap();
-            symlink(entry.path(), folder.path().join(entry.file_name())).unwrap();
+            fs::copy(entry.path(), folder.path().join(entry.file_name())).unwrap();
         }
-        symlink(motion.join("bvh/cmu_02_02_cgspeed.bvh"), to("walk.bvh")).unwrap();
+        // A copy: a page writes a file of this name, and links are followed.
+        fs::copy(motion.join("bvh/cmu_02_02_cgspeed.bvh"), to("walk.bvh")).unwrap();
         let mut page = Self { folder, running: vec![], servos: None, device: None };
         for line in [
             "bunraku encode 02_01.amc --skeleton 02.asf --codec qmd -o walk.qmd",
