@@ -5,6 +5,7 @@
 //! "Swing-twist decomposition in Clifford algebra", 2015, section 2.)
 
 use mocap::angles::Matrix;
+use mocap::quaternion;
 
 /// A twist, and how well it is defined.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,29 +19,9 @@ pub struct Twist {
 
 /// The twist of a rotation about a unit vector.
 pub fn twist(rotation: &Matrix, axis: [f64; 3]) -> Twist {
-    let [w, x, y, z] = quaternion(rotation);
+    let [x, y, z, w] = quaternion::of_matrix(rotation);
     let along = x * axis[0] + y * axis[1] + z * axis[2];
     Twist { degrees: 2.0 * along.atan2(w).to_degrees(), certainty: along.mul_add(along, w * w).min(1.0) }
-}
-
-/// The unit quaternion `[w, x, y, z]` of a rotation; of the two that there are either.
-///
-/// The largest part is found first, so that nothing is divided by a small number. (S. W. Shepperd, "Quaternion from
-/// rotation matrix", 1978.)
-fn quaternion(m: &Matrix) -> [f64; 4] {
-    let trace = m[0][0] + m[1][1] + m[2][2];
-    let parts = [trace, m[0][0], m[1][1], m[2][2]];
-    let largest = (0..4).max_by(|&i, &j| parts[i].total_cmp(&parts[j])).unwrap_or(0);
-    let part = (1.0 + 2.0 * parts[largest] - trace).max(0.0).sqrt() / 2.0;
-    let rest = |value: f64| value / (4.0 * part);
-    let (wx, wy, wz) = (m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]);
-    let (xy, xz, yz) = (m[0][1] + m[1][0], m[0][2] + m[2][0], m[1][2] + m[2][1]);
-    match largest {
-        0 => [part, rest(wx), rest(wy), rest(wz)],
-        1 => [rest(wx), part, rest(xy), rest(xz)],
-        2 => [rest(wy), rest(xy), part, rest(yz)],
-        _ => [rest(wz), rest(xz), rest(yz), part],
-    }
 }
 
 #[cfg(test)]
