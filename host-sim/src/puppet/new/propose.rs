@@ -5,8 +5,8 @@ use super::servo::Servo;
 use super::unit::Unit;
 use anyhow::{Result, bail};
 use fit::{Bones, Fitted, Follows, Plan, Turn};
-use mocap::angles::{self, IDENTITY, Matrix};
-use mocap::body::{Body, FoundBy, Part, TPose};
+use mocap::body::{Body, FoundBy, Part};
+use mocap::survey::Survey;
 use mocap::{Clip, Motion};
 
 /// Every range is wider than the recording's by this part of it at each end, and by so many degrees.
@@ -17,9 +17,6 @@ const FASTER: f64 = 1.2;
 
 /// The lowest `max_speed` of a joint, in degrees a second: to come to its pose before a clip begins.
 const SLOWEST: f64 = 60.0;
-
-/// A turn from one frame to the next, in degrees, that is a jump where no other is a quarter of it.
-const JUMP: f64 = 10.0;
 
 /// Frames that may be beyond a range, of all: 0.1 %. A single wrong frame in a recording does not make a range.
 const BEYOND: f64 = 0.001;
@@ -35,7 +32,7 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
     let body = Body::of(&clip.figure());
     let mut notes = Vec::new();
     let all = Unit::all(&body);
-    let clip = &if begins_with_a_jump(&turns(clip, &body, &all)) {
+    let clip = &if Survey::of(clip).jump.is_some() {
         notes.push(
             "left out: frame 0, from which the figure jumps to the next, so that frame 0 may be a T-pose. Encode \
              with --frames 1.. too"
@@ -117,32 +114,6 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
         ));
     }
     Ok(Proposal { servo, units: proposed, notes })
-}
-
-/// Whether a bone turns by more from frame 0 to frame 1 than a figure can, and than it does anywhere else.
-fn begins_with_a_jump(turns: &[Vec<Matrix>]) -> bool {
-    let step = |pair: &[Matrix]| angles::turned(&angles::multiply(&angles::transpose(&pair[0]), &pair[1]));
-    turns.iter().any(|turns| {
-        let mut steps = turns.windows(2).map(step);
-        let first = steps.next().unwrap_or(0.0);
-        first > JUMP && first > 4.0 * steps.fold(0.0, f64::max)
-    })
-}
-
-/// The rotations of each unit's bone against the one that carries it.
-fn turns(clip: &Clip, body: &Body, units: &[Unit]) -> Vec<Vec<Matrix>> {
-    let mut t_pose = TPose::of(&clip.figure(), body);
-    let mut rotations = vec![IDENTITY; clip.skeleton.joints.len()];
-    let mut turns: Vec<Vec<Matrix>> = vec![Vec::new(); units.len()];
-    for pose in clip.motion.iter() {
-        t_pose.rotations(pose, &mut rotations);
-        for (unit, turns) in units.iter().zip(&mut turns) {
-            if let (Some(bone), Some(against)) = (body.joint(unit.bone), body.joint(unit.against)) {
-                turns.push(angles::multiply(&angles::transpose(&rotations[against]), &rotations[bone]));
-            }
-        }
-    }
-    turns
 }
 
 /// The recording on these units, where each joint may go as far as a human's, as fast as the servo can.
