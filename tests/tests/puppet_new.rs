@@ -136,6 +136,75 @@ fn what_is_no_figure_is_told() {
     assert!(error.contains("none of these parts: head, arms, legs, waist. Its joints are a, b"), "{error}");
 }
 
+/// The sentence of a `puppet new` that must fail.
+fn refused(recording: &Path, puppet: &Path) -> String {
+    let output = bunraku().args(["puppet", "new"]).arg(recording).arg("-o").arg(puppet).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(!puppet.exists());
+    String::from_utf8(output.stderr).unwrap()
+}
+
+/// The columns of a table have the names of joints, and no bones.
+#[test]
+fn a_table_is_no_figure() {
+    let folder = tempfile::tempdir().unwrap();
+    let [bvh, csv, puppet] = ["a.bvh", "a.csv", "p.toml"].map(|name| folder.path().join(name));
+    write_sample(&bvh, |_, name| name.to_owned());
+    let Clip { skeleton, motion } = sample::clip();
+    let mut table = Vec::new();
+    export::csv::write(&mut table, &skeleton, &motion).unwrap();
+    fs::write(&csv, table).unwrap();
+    let error = refused(&csv, &puppet);
+    assert!(error.contains("none of these parts"), "{error}");
+    run(bunraku().args(["puppet", "new"]).arg(&bvh).arg("-o").arg(&puppet));
+    let mut encode = bunraku();
+    encode.arg("encode").arg(&csv).arg("--puppet").arg(&puppet).arg("-o").arg(folder.path().join("a.mclip"));
+    let output = encode.output().unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(1) && error.contains("a table has columns and no bones"), "{error}");
+}
+
+#[test]
+fn what_stands_still_gets_no_servo() {
+    let folder = tempfile::tempdir().unwrap();
+    let [bvh, puppet] = ["a.bvh", "p.toml"].map(|name| folder.path().join(name));
+    let Clip { skeleton, mut motion } = sample::clip();
+    let first = motion.frame(0).to_vec();
+    let turning = skeleton.channel("rradius.rx").unwrap();
+    let write = |motion: &mocap::Motion| {
+        let mut bytes = Vec::new();
+        export::bvh::write(&mut bytes, &skeleton, motion).unwrap();
+        fs::write(&bvh, bytes).unwrap();
+    };
+    for row in motion.samples.chunks_exact_mut(first.len()) {
+        row.copy_from_slice(&first);
+    }
+    write(&motion);
+    let error = refused(&bvh, &puppet);
+    assert!(error.contains("no joint turns by 1 degree or more in 480 frames"), "{error}");
+    for (frame, row) in motion.samples.chunks_exact_mut(first.len()).enumerate() {
+        row[turning] = first[turning] + 20.0 * (frame as f64 / 50.0).sin();
+    }
+    write(&motion);
+    let (said, notes) = run(bunraku().args(["puppet", "new"]).arg(&bvh).arg("-o").arg(&puppet));
+    assert!(said.contains("1 servos: right elbow"), "{said}");
+    assert!(notes.contains("left out, since the recording does not turn them: "), "{notes}");
+}
+
+/// What is written for each kind of servo is taken by `check`, and its bus is fast enough.
+#[test]
+fn every_kind_of_servo_gets_a_puppet_that_checks() {
+    let folder = tempfile::tempdir().unwrap();
+    let [bvh, puppet] = ["a.bvh", "p.toml"].map(|name| folder.path().join(name));
+    write_sample(&bvh, |_, name| name.to_owned());
+    for kind in ["dynamixel", "dynamixel1", "sts", "scs", "pwm", "pca9685", "blender"] {
+        let mut new = bunraku();
+        new.args(["puppet", "new", "--force", "--kind", kind]).arg(&bvh).arg("-o").arg(&puppet);
+        run(&mut new);
+        run(bunraku().args(["puppet", "check"]).arg(&puppet));
+    }
+}
+
 /// Recordings of seven programs. How far the worst bone is off in the mean is in docs/RESULTS.md.
 #[test]
 fn real_recordings_move_a_puppet() {
