@@ -14,7 +14,10 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
 }
 
 /// Writes a file by way of a temporary one in the same folder, which takes its name once it is whole. Where
-/// `write` fails, whatever was at `path` is left as it was.
+/// `write` fails, whatever was at `path` is left as it was. A link is followed. A device or a pipe takes the bytes itself.
+///
+/// A file that the command line names twice is refused: it is an input too, or another output. That is looked up in the
+/// arguments of the program, so that no command has to think of it.
 ///
 /// # Errors
 /// A sentence that names the file.
@@ -23,18 +26,18 @@ pub fn write(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> R
     // Where a link leads; of what is not there yet, the path itself.
     let path = &fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     if let Ok(there) = fs::metadata(path) {
-        if named_as_another(path) {
-            return Err(anyhow!(
-                "the command names this file twice: an input or another output would be lost; give another name"
-            ))
-            .with_context(failed);
-        }
         // A device or a pipe takes the bytes. A new file must not take its place.
         if !there.is_file() && !there.is_dir() {
             let mut buffer =
                 BufWriter::new(fs::OpenOptions::new().write(true).open(path).with_context(failed)?);
             write(&mut buffer)?;
             return buffer.flush().with_context(failed);
+        }
+        if named_as_another(path) {
+            return Err(anyhow!(
+                "the command names this file twice: an input or another output would be lost; give another name"
+            ))
+            .with_context(failed);
         }
     }
     let folder = match path.parent() {

@@ -149,12 +149,61 @@ fn clips() {
     );
 }
 
+/// What a command reads is still there, byte for byte, where its output has the same name.
+#[test]
+fn outputs_do_not_take_the_place_of_inputs() {
+    let folder = folder();
+    let folder = folder.path();
+    let sample = bunraku_tests::workspace().join("puppets/sample.toml");
+    fs::copy(&sample, folder.join("puppet.toml")).unwrap();
+    let log = ["play", "walk.mclip", "--puppet", "puppet.toml", "--on", "host"];
+    let to_itself: [(&str, &[&str]); 4] = [
+        ("walk.mclip", &["decode", "walk.mclip", "--skeleton", "puppet.asf", "-o", "walk.mclip"]),
+        ("walk.bvh", &["decode", "walk.mclip", "--skeleton", "walk.bvh", "-o", "walk.bvh"]),
+        ("puppet.toml", &[&log[..], &["--log", "puppet.toml"]].concat()),
+        ("puppet.toml", &[&log[..], &["--log=./puppet.toml"]].concat()),
+    ];
+    for (name, arguments) in to_itself {
+        let before = fs::read(folder.join(name)).unwrap();
+        let output = bunraku().args(arguments).current_dir(folder).output().unwrap();
+        assert!(!output.status.success(), "{arguments:?}");
+        assert_eq!(fs::read(folder.join(name)).unwrap(), before, "{arguments:?}");
+        let said = String::from_utf8(output.stderr).unwrap();
+        let is_told = said.contains(&format!("{name}: the command names this file twice"));
+        assert!(is_told || said.contains("expected"), "{arguments:?}: {said}");
+    }
+}
+
+/// A link stays a link, and a pipe has a reader.
+#[cfg(unix)]
+#[test]
+fn outputs_go_where_links_lead_and_into_pipes() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("there.csv"), "old").unwrap();
+    std::os::unix::fs::symlink(at("there.csv"), at("link.csv")).unwrap();
+    let decode = |output: &str| {
+        let mut command = bunraku();
+        command.args(["decode", "walk.mclip", "-o", output]).current_dir(folder.path());
+        command
+    };
+    assert!(decode("link.csv").status().unwrap().success());
+    let csv = fs::read(at("there.csv")).unwrap();
+    assert!(csv.len() > 10_000 && fs::symlink_metadata(at("link.csv")).unwrap().is_symlink());
+    assert!(std::process::Command::new("mkfifo").arg(at("pipe.csv")).status().unwrap().success());
+    let mut writer = decode("pipe.csv").spawn().unwrap();
+    assert_eq!(fs::read(at("pipe.csv")).unwrap(), csv);
+    assert!(writer.wait().unwrap().success());
+}
+
 #[test]
 fn usage_errors_exit_with_2() {
     for arguments in [
         &["encode"][..],
         &["fly"],
         &["encode", "a.amc", "-o", "b.qmd", "--bits", "7"],
+        &["encode", "a.amc", "-o", "b.txt"],
+        &["encode", "a.amc", "-o", "b"],
         &["encode", "a.amc", "-o", "b.qmd", "--codec", "dpcm"],
         &["encode", "a.amc", "-o", "b.qmd", "--entry", "12"],
         &["encode", "a.amc", "-o", "b.qmd", "--block", "400"],

@@ -2,7 +2,7 @@
 
 use super::codec;
 use super::fit_table;
-use super::input::{self, Quality, is_mclip};
+use super::input::{self, Quality, is_mclip, is_qmd};
 use super::joints;
 use anyhow::{Context, Result};
 use decoder_core::mclip::{CodecId, EntropyId};
@@ -102,6 +102,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let in_blocks = is_mclip(&args.output);
     let codec = args.codec.unwrap_or(if in_blocks { CodecId::Dpcm } else { CodecId::Qmd });
     let (name, output) = (codec.name(), args.output.display());
+    if !in_blocks && !is_qmd(&args.output) {
+        usage(&format!("{output}: the name does not say the container, expected .mclip or .qmd at its end"));
+    }
     if !in_blocks && codec != CodecId::Qmd {
         usage(&format!("{output}: codec {name} needs a .mclip, for instance -o out.mclip"));
     }

@@ -125,7 +125,7 @@ impl Source {
 /// A rate as an argument.
 fn rate(text: &str) -> Result<f64, String> {
     let rate = text.parse().ok().filter(|rate| (1e-3..=1e6).contains(rate));
-    rate.ok_or_else(|| format!("found {text:?}, expected frames per second, more than 0"))
+    rate.ok_or_else(|| format!("found {text:?}, expected frames per second, 0.001 to 1000000"))
 }
 
 /// A rate with up to three decimals.
@@ -142,7 +142,12 @@ pub fn tell(path: &Path, notes: &[String]) {
 
 /// Whether the file's name says that it is one of our compressed clips.
 pub fn is_clip(path: &Path) -> bool {
-    has_extension(path, "qmd") || is_mclip(path)
+    is_qmd(path) || is_mclip(path)
+}
+
+/// Whether the file's name says that it is a clip with the layout of the QMD paper.
+pub fn is_qmd(path: &Path) -> bool {
+    has_extension(path, "qmd")
 }
 
 /// Whether the file's name says that it is a clip in blocks.
