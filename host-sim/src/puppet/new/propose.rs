@@ -90,7 +90,7 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
     if let Some(servos) = wish.servos {
         units = choose(&first, units, servos, &mut notes)?;
     }
-    choose_axes(clip, &body, &mut units, &servo);
+    choose_axes(clip, &body, &mut units, &servo, &mut notes);
     let mut values = values(&fitted(clip, &body, &units, &servo)).into_iter();
     let mut proposed = Vec::new();
     for unit in units {
@@ -170,8 +170,8 @@ fn still(fitted: &Fitted, units: &[Unit]) -> Vec<bool> {
     units.iter().map(rests).collect()
 }
 
-/// Takes the other axes for units that follow the recording better with them, and the same for left and right.
-fn choose_axes(clip: &Clip, body: &Body, units: &mut [Unit], servo: &Servo) {
+/// Takes the other axes of the units that follow the recording better with them, and tells where left and right differ.
+fn choose_axes(clip: &Clip, body: &Body, units: &mut [Unit], servo: &Servo, notes: &mut Vec<String>) {
     let mut others = units.to_vec();
     for unit in &mut others {
         if let (Some(axes), 2) = (unit.others.take(), unit.axes.len()) {
@@ -179,13 +179,24 @@ fn choose_axes(clip: &Clip, body: &Body, units: &mut [Unit], servo: &Servo) {
         }
     }
     let (one, other) = (fitted(clip, body, units, servo), fitted(clip, body, &others, servo));
-    let limb = |unit: &Unit| unit.name.split_once(' ').map_or_else(String::new, |(_, limb)| limb.to_owned());
-    let gain = |(own, others): (&Unit, &Unit)| (limb(own), off(&one, own) - off(&other, others));
-    let gains: Vec<(String, f64)> = units.iter().zip(&others).map(gain).collect();
+    let mut changed = Vec::new();
     for (unit, others) in units.iter_mut().zip(others) {
-        let limb = limb(unit);
-        if gains.iter().filter(|(own, _)| *own == limb).map(|(_, gain)| gain).sum::<f64>() > 0.0 {
+        if off(&other, &others) < off(&one, unit) {
+            changed.push(unit.name.clone());
             *unit = others;
+        }
+    }
+    let twin = |name: &str| match name.split_once(' ') {
+        Some(("right", limb)) => format!("left {limb}"),
+        Some((_, limb)) => format!("right {limb}"),
+        None => String::new(),
+    };
+    for name in &changed {
+        let twin = twin(name);
+        if !changed.contains(&twin) && units.iter().any(|unit| unit.name == twin) {
+            notes.push(format!(
+                "the servos of the {name} stand in another order than those of the {twin}: each follows the recording better so"
+            ));
         }
     }
 }
