@@ -74,6 +74,7 @@ async fn act<B: ServoBus>(bus: &mut B, ids: &[u8], action: Action) -> Result<(),
             }
             all
         }
+        Action::LetGo { servo } => bus.set_torque(ids, servo, false).await,
         Action::Reboot { servo } => bus.reboot(ids, servo).await,
         Action::Watchdog { millis } => match bus.set_watchdog(ids, millis).await {
             // Hobby servos have none.

@@ -83,26 +83,99 @@ pub enum Fault {
     Late,
     /// The controller has restarted by itself: its supply broke in, or its watchdog bit.
     Restarted,
+    /// A servo's shaft stays away from what it is told.
+    NotFollowing {
+        /// The servo.
+        servo: u8,
+        /// What it was told last, in goal units.
+        goal: i32,
+        /// Where it is.
+        position: i32,
+    },
+    /// A servo stands outside its range, and the shorter way back leads over the end of its turn, where it cannot go.
+    BeyondTurn {
+        /// The servo.
+        servo: u8,
+        /// Where it is.
+        position: i32,
+    },
 }
 
+impl Fault {
+    /// The fault as a sentence in which `who` names a servo, which is numbered as in the joint map: with its id, and the name of
+    /// its joint where that is known.
+    pub const fn naming<W: Fn(u8, &mut fmt::Formatter<'_>) -> fmt::Result>(self, who: W) -> Naming<W> {
+        Naming { fault: self, who }
+    }
+
+    /// The servo that has it, as numbered in the joint map.
+    pub const fn servo(&self) -> Option<u8> {
+        match *self {
+            Self::Silent { servo }
+            | Self::Overheated { servo }
+            | Self::Overloaded { servo }
+            | Self::Voltage { servo }
+            | Self::Hardware { servo, .. }
+            | Self::ServoWatchdog { servo }
+            | Self::Rebooted { servo }
+            | Self::Refused { servo, .. }
+            | Self::NotFollowing { servo, .. }
+            | Self::BeyondTurn { servo, .. } => Some(servo),
+            Self::Bus { .. }
+            | Self::LinkLost
+            | Self::Clip { .. }
+            | Self::NoClip { .. }
+            | Self::Late
+            | Self::Restarted => None,
+        }
+    }
+}
+
+/// [`Fault::naming`].
+#[derive(Clone, Copy, Debug)]
+pub struct Naming<W> {
+    fault: Fault,
+    who: W,
+}
+
+impl<W: Fn(u8, &mut fmt::Formatter<'_>) -> fmt::Result> fmt::Display for Naming<W> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(servo) = self.fault.servo() {
+            (self.who)(servo, f)?;
+        }
+        match self.fault {
+            Fault::Silent { .. } => f.write_str(" does not answer"),
+            Fault::Overheated { .. } => f.write_str(" is too hot"),
+            Fault::Overloaded { .. } => f.write_str(" is overloaded"),
+            Fault::Voltage { .. } => f.write_str(" has a supply out of range"),
+            Fault::Hardware { bits, .. } => write!(f, " reports hardware error {bits:#04x}"),
+            Fault::ServoWatchdog { .. } => f.write_str(" stopped, since its bus was silent"),
+            Fault::Rebooted { .. } => f.write_str(" has restarted"),
+            Fault::Refused { error, .. } => write!(f, ": {error}"),
+            Fault::Bus { error } => write!(f, "no servo can be reached: {error}"),
+            Fault::LinkLost => f.write_str("the link is lost"),
+            Fault::Clip { error } => write!(f, "the clip is damaged: {error}"),
+            Fault::NoClip { clip } => write!(f, "clip {clip} is not there, or does not fit the puppet"),
+            Fault::Late => f.write_str("ticks come too late"),
+            Fault::Restarted => f.write_str("the controller has restarted by itself"),
+            Fault::NotFollowing { goal, position, .. } => write!(
+                f,
+                " does not follow: it is told {goal} and stays at {position}; free its shaft, or see whether its operating mode, \
+                 its position limits and its torque limit let it move"
+            ),
+            Fault::BeyondTurn { position, .. } => write!(
+                f,
+                " stands at {position}, outside its range, and its shorter way back leads over the end of its turn, where it cannot \
+                 go: turn it by hand into its range"
+            ),
+        }
+    }
+}
+
+/// A servo is named by its place in the map: [`Fault::naming`] says more.
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Silent { servo } => write!(f, "servo {servo} does not answer"),
-            Self::Overheated { servo } => write!(f, "servo {servo} is too hot"),
-            Self::Overloaded { servo } => write!(f, "servo {servo} is overloaded"),
-            Self::Voltage { servo } => write!(f, "servo {servo} has a supply out of range"),
-            Self::Hardware { servo, bits } => write!(f, "servo {servo} reports hardware error {bits:#04x}"),
-            Self::ServoWatchdog { servo } => write!(f, "servo {servo} stopped, since its bus was silent"),
-            Self::Rebooted { servo } => write!(f, "servo {servo} has restarted"),
-            Self::Refused { servo, error } => write!(f, "servo {servo}: {error}"),
-            Self::Bus { error } => write!(f, "no servo can be reached: {error}"),
-            Self::LinkLost => f.write_str("the link is lost"),
-            Self::Clip { error } => write!(f, "the clip is damaged: {error}"),
-            Self::NoClip { clip } => write!(f, "clip {clip} is not there, or does not fit the puppet"),
-            Self::Late => f.write_str("ticks come too late"),
-            Self::Restarted => f.write_str("the controller has restarted by itself"),
-        }
+        self.naming(|servo, f| write!(f, "the servo at place {servo} of the map")).fmt(f)
     }
 }
 

@@ -113,6 +113,17 @@ impl Limiter {
         self.catch_up(limits, wanted);
     }
 
+    /// [`follow`](Self::follow), where a goal outside the range may be wanted on the way in: it goes in as slowly as `wanted` does,
+    /// and never further out.
+    pub fn follow_inwards(&mut self, limits: &Limits, wanted: i32) {
+        let (min, max) = (limits.min.min(self.position), limits.max.max(self.position));
+        if (min, max) == (limits.min, limits.max) {
+            self.follow(limits, wanted);
+        } else {
+            self.catch_up(&Limits { min, max, ..*limits }, wanted);
+        }
+    }
+
     /// [`follow`](Self::follow) wherever a limit has a say.
     fn catch_up(&mut self, limits: &Limits, wanted: i32) {
         let wanted = clamp(wanted, limits.min, limits.max);
@@ -285,6 +296,20 @@ mod tests {
             assert!(limiter.goal() <= last);
             last = limiter.goal();
         }
+    }
+
+    #[test]
+    fn a_joint_outside_its_range_goes_in_as_slowly_as_it_is_wanted_to() {
+        let mut limiter = Limiter::at(5000);
+        let mut most = 0;
+        for tick in 1..2000 {
+            // Outwards first, which it does not go.
+            let wanted = if tick < 100 { 5000 + tick } else { 5000 - (tick - 100) };
+            limiter.follow_inwards(&LIMITS, wanted << FINE_BITS);
+            assert!(limiter.goal() <= 5000 && limiter.velocity() <= 0);
+            most = most.max(limiter.velocity().abs());
+        }
+        assert_eq!((limiter.goal(), most), (3101, 1 << FINE_BITS));
     }
 
     #[test]

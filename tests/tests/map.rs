@@ -88,6 +88,7 @@ fn example() -> Map {
         min_millivolts: 9500,
         servo_watchdog_millis: 200,
         channels: 31,
+        following_tenths: 100,
     };
     let buses =
         [BusSpec { kind: BusKind::Dynamixel, baud: 1_000_000 }, BusSpec { kind: BusKind::Pca9685, baud: 50 }];

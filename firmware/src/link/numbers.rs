@@ -120,6 +120,7 @@ wire_enum! { State {
     8 Returning,
     9 Resting,
     10 Limp,
+    11 LettingGo,
 }}
 
 wire_enum! { Refusal {
@@ -149,6 +150,8 @@ wire_enum! { Fault {
     11 NoClip { clip: u16 },
     12 Late,
     13 Restarted,
+    14 NotFollowing { servo: u8, goal: i32, position: i32 },
+    15 BeyondTurn { servo: u8, position: i32 },
 }}
 
 wire_enum! { BusError {

@@ -206,6 +206,8 @@ fn errors() -> Vec<Refusal> {
         Fault::NoClip { clip: 46 },
         Fault::Late,
         Fault::Restarted,
+        Fault::NotFollowing { servo, goal: 47, position: -48 },
+        Fault::BeyondTurn { servo, position: 48 },
     ];
     let own = [Refusal::NoSession, Refusal::Unknown, Refusal::Moving, Refusal::NoStore, Refusal::Reserved];
     let faults = faults.into_iter().chain(bus.map(|error| Fault::Bus { error }));
@@ -248,10 +250,13 @@ fn the_page_has_every_error_in_bytes() {
 #[test]
 fn states_are_their_numbers() {
     use State::{
-        Arming, Easing, Finding, Holding, Limp, Opening, Playing, Reading, Resting, Returning, Stopping,
+        Arming, Easing, Finding, Holding, LettingGo, Limp, Opening, Playing, Reading, Resting, Returning,
+        Stopping,
     };
-    let all =
-        [Finding, Reading, Arming, Opening, Easing, Playing, Stopping, Holding, Returning, Resting, Limp];
+    let all = [
+        Finding, Reading, Arming, Opening, Easing, Playing, Stopping, Holding, Returning, Resting, Limp,
+        LettingGo,
+    ];
     for (number, state) in (0..).zip(all) {
         assert_eq!(bytes(&state), [number]);
     }

@@ -14,6 +14,7 @@
 mod command;
 mod ideal_servos;
 mod lost_servos;
+mod off_goal;
 
 mod start;
 mod state;
@@ -27,6 +28,7 @@ mod tick_output;
 pub use crate::show::{After, Show};
 pub use command::Command;
 pub use ideal_servos::IdealServos;
+pub use off_goal::{FOLLOW_MILLIS, LET_GO_MILLIS};
 pub use state::{Start, State};
 pub use state_machine::Machine;
 pub use tick_output::{Action, TickOutput};

@@ -12,7 +12,7 @@ use crate::map::Policy;
 const FIND_MILLIS: u16 = 1500;
 
 /// Ticks that a servo has to be turned on.
-const ARM_TICKS: u32 = 3;
+pub(super) const ARM_TICKS: u32 = 3;
 
 impl<L: Library, const N: usize> Machine<'_, L, N> {
     /// Pings servo by servo. One with a hardware error is restarted, which is what clears it.
@@ -59,9 +59,15 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
             Some(servo) => self.fault = self.fault.or(Some(Fault::Silent { servo: servo as u8 })),
             None => {}
         }
+        for servo in 0..self.servos.len() {
+            if let Some(Some(reading)) = feedback.readings.get(servo)
+                && self.is_beyond_turn(servo, reading.position)
+            {
+                self.leave_beyond_turn(servo, reading.position);
+            }
+        }
         if self.fault.is_some() && settings.policy == Policy::TorqueOff {
-            self.let_go = true;
-            self.enter(State::Limp);
+            self.begin_letting_go();
             return None;
         }
         self.settle(feedback);
@@ -87,7 +93,8 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
         }
     }
 
-    /// Turns servo by servo on; those that are still off may be moved by hand.
+    /// Turns servo by servo on; those that are still off may be moved by hand. Those that are on are held against what they read
+    /// since.
     pub(super) fn arm(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
         if let (Some(Action::TorqueOn { servo }), Some(result)) = (self.asked, feedback.action) {
             match result {
@@ -106,8 +113,15 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
         }
         self.waited = self.waited.saturating_add(1);
         self.settle(feedback);
+        if !self.stand_where_read(feedback) || self.state != State::Arming {
+            return None;
+        }
         // Of one that is not read nobody knows where on is.
         while self.servo < self.servos.len() {
+            if self.servos.get(self.servo).is_some_and(|servo| servo.left) {
+                (self.servo, self.waited) = (self.servo.saturating_add(1), 1);
+                continue;
+            }
             if self.is_read(self.servo, feedback) {
                 return Some(Action::TorqueOn { servo: self.servo });
             }
@@ -116,6 +130,14 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
             }
             self.fault = self.fault.or(Some(Fault::Silent { servo: self.servo as u8 }));
             (self.servo, self.waited) = (self.servo.saturating_add(1), 1);
+        }
+        // The last one is read once more as well.
+        if self.waited < 2 {
+            return None;
+        }
+        if self.fault.is_some() && self.map.settings().policy == Policy::TorqueOff {
+            self.begin_letting_go();
+            return None;
         }
         self.enter(if self.fault.is_some() { State::Stopping } else { State::Opening });
         let millis = self.map.settings().servo_watchdog_millis;

@@ -26,8 +26,10 @@ pub enum State {
     Returning,
     /// At home.
     Resting,
-    /// The servos were let go.
+    /// The servos were let go, and each has confirmed that.
     Limp,
+    /// Servos are let go, again and again until each has confirmed that.
+    LettingGo,
 }
 
 /// How the controller came up.

@@ -1,7 +1,7 @@
 //! The state machine itself; the way up from power on is in `start`, servos that are silent in `lost_servos`.
 
 use super::command::Command;
-
+use super::off_goal::Watched;
 use super::state::{Start, State};
 use super::tick_output::{Action, TickOutput};
 use crate::collect::{collect, numbered};
@@ -27,14 +27,38 @@ pub(super) struct Servo {
     pub(super) armed: bool,
     /// Whether it was read in this tick, and not in the one before.
     pub(super) back: bool,
+    /// Whether it is left alone until someone acknowledges: it does not follow, or stands beyond its turn.
+    pub(super) left: bool,
+    /// Whether it is to let go, and has not confirmed that.
+    pub(super) letting_go: bool,
+    pub(super) watched: Watched,
 }
 
 impl Servo {
+    /// It is where it says it is.
+    pub(super) fn stand_at(&mut self, position: i32) {
+        self.limiter = Limiter::at(to_goal_range(position));
+        self.from = self.limiter.position();
+        self.watched.forget();
+    }
+
+    /// It is neither moved nor turned on any more.
+    pub(super) const fn leave(&mut self) {
+        (self.armed, self.left) = (false, true);
+    }
+
     /// A tick towards `wanted`. A servo that does not hold stays where it was last seen.
     #[inline]
     fn go(&mut self, wanted: i32) {
         if self.armed {
             self.limiter.follow(&self.limits, wanted);
+        }
+    }
+
+    /// The same from outside the range: as fast as it is wanted in, not as fast as it may be.
+    fn go_in(&mut self, wanted: i32) {
+        if self.armed {
+            self.limiter.follow_inwards(&self.limits, wanted);
         }
     }
 
@@ -69,7 +93,12 @@ pub struct Machine<'m, L: Library, const N: usize> {
     pub(super) ease_ticks: u32,
     /// What is to be done as soon as the bus is free for it.
     pub(super) rearm: bool,
-    pub(super) let_go: bool,
+    /// Whether a servo is to let go, and has not confirmed that.
+    pub(super) any_letting_go: bool,
+    /// The servo that is held against its goal in the next tick.
+    pub(super) watched: usize,
+    /// Ticks in a row in which a servo that was turned on reads what is far from its goal.
+    pub(super) doubts: u32,
     /// Whether the fault that is latched was acknowledged while the puppet still moved.
     pub(super) acknowledged: bool,
     /// Whether a servo is read that was not in the last tick.
@@ -88,6 +117,13 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             from: 0,
             armed: false,
             back: false,
+            left: false,
+            letting_go: false,
+            watched: Watched::new(
+                joint,
+                map.buses().get(usize::from(joint.bus)).map(|bus| bus.kind),
+                map.settings().following_tenths,
+            ),
         };
         Self {
             mixer: Mixer::new(map, library, show),
@@ -105,7 +141,9 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             eased: 0,
             ease_ticks: 0,
             rearm: false,
-            let_go: false,
+            any_letting_go: false,
+            watched: 0,
+            doubts: 0,
             acknowledged: false,
             any_back: false,
             asked: None,
@@ -132,6 +170,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     pub fn at_rest(&self) -> bool {
         match self.state {
             State::Resting | State::Limp => true,
+            State::LettingGo => self.let_go_for_long(),
             State::Holding => self.fault.is_some() || self.mixer.is_empty(),
             _ => false,
         }
@@ -208,7 +247,9 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         // Servos that hold are told so while the others are looked for.
         let sends = match self.state {
             State::Finding | State::Reading => self.servos.iter().any(|servo| servo.armed),
-            State::Limp => false,
+            State::Limp | State::LettingGo => false,
+            // A servo was turned on, and is not where it was: first it is to say so again.
+            State::Arming if self.doubts > 0 => false,
             // Where nobody is heard, nobody is told anything: a bus that comes back in mid-movement would bring servos a goal
             // that has gone on without them. They are read first, and told to go on from there.
             _ => !self.detector.all_lost(|servo| self.map.reads(servo)),
@@ -240,10 +281,11 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             (State::Finding | State::Reading, _) | (_, None) => {}
             (_, Some(fault)) => self.raise(fault),
         }
+        self.watch_following(feedback);
     }
 
     /// Latches a fault, and goes the way that the policy says.
-    fn raise(&mut self, fault: Fault) {
+    pub(super) fn raise(&mut self, fault: Fault) {
         if self.fault.is_some() {
             return;
         }
@@ -252,9 +294,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             self.mixer.drop_clips();
         }
         if self.map.settings().policy == Policy::TorqueOff {
-            self.let_go = true;
-            self.disarm();
-            self.state = State::Limp;
+            self.begin_letting_go();
         } else if !matches!(self.state, State::Finding | State::Reading) {
             self.state = State::Stopping;
         }
@@ -276,7 +316,11 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             self.disarm();
         }
         self.detector = FaultDetector::new(self.map.settings(), self.map.joints().len());
-        self.let_go = false;
+        for servo in &mut self.servos {
+            (servo.left, servo.letting_go) = (false, false);
+            servo.watched.forget();
+        }
+        (self.any_letting_go, self.doubts) = (false, 0);
         self.idle.reset();
         self.enter(State::Finding);
     }
@@ -288,18 +332,18 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     /// Holds servos that have restarted where they are, and lets go when that was decided.
     fn restore(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
         let done = feedback.action == Some(Ok(()));
-        if self.state == State::Limp {
-            if self.asked == Some(Action::TorqueOff) && done {
-                self.let_go = false;
-            }
-            return self.let_go.then_some(Action::TorqueOff);
+        match self.state {
+            State::Limp => return None,
+            State::LettingGo => return self.let_all_go(feedback),
+            _ => {}
         }
         match self.asked {
             Some(Action::Watchdog { .. }) if done => self.rearm = false,
-            Some(Action::TorqueOn { servo }) if done => {
-                if let Some(servo) = self.servos.get_mut(servo) {
+            Some(Action::TorqueOn { servo: index }) if done => {
+                if let Some(servo) = self.servos.get_mut(index) {
                     servo.armed = true;
                 }
+                self.take_where_it_is(index, feedback);
                 // It has forgotten its watchdog as well.
                 self.rearm = true;
             }
@@ -310,14 +354,15 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         let mut looked_at = readings.take_while(|_| self.detector.any_slack());
         let fallen = looked_at.find_map(|(index, pair)| {
             let (servo, reading) = (pair.0, (*pair.1)?);
-            (reading.torque == Some(false) && reading.hardware_error == 0).then(|| {
+            (reading.torque == Some(false) && reading.hardware_error == 0 && !servo.left).then(|| {
                 servo.limiter = Limiter::at(to_goal_range(reading.position));
                 servo.from = servo.limiter.position();
                 servo.armed = false;
                 Action::TorqueOn { servo: index }
             })
         });
-        fallen.or(self.rearm.then_some(watchdog))
+        drop(looked_at);
+        fallen.or(self.rearm.then_some(watchdog)).or_else(|| self.let_go(feedback))
     }
 
     /// Silence after which servos stop by themselves: what the map says, but more than a tick takes, since they hear something
@@ -368,7 +413,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
 
     fn act(&mut self, idle: IdlePose) {
         match self.state {
-            State::Limp => {}
+            State::Limp | State::LettingGo => {}
             State::Finding | State::Reading | State::Arming => self.hold(),
             State::Opening => {
                 self.hold();
@@ -466,7 +511,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     /// Holds a pose, alive.
     fn sway(&mut self, idle: IdlePose) {
         for (joint, servo) in self.map.joints().iter().zip(&mut self.servos) {
-            servo.go(servo.from.saturating_add(idle.offset(&joint.idle)));
+            servo.go_in(servo.from.saturating_add(idle.offset(&joint.idle)));
         }
     }
 
@@ -477,7 +522,9 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         let mut ticks = settings.ticks(settings.ease_millis).max(1);
         for (joint, (servo, to)) in map.joints().iter().zip(servos.iter_mut().zip(wanted)) {
             servo.from = servo.limiter.position();
-            let way = u64::from(to.abs_diff(servo.from));
+            // What will be moved: not beyond the range, and nothing where nothing holds.
+            let to = clamp(*to, servo.limits.min(), servo.limits.max());
+            let way = if servo.armed { u64::from(to.abs_diff(servo.from)) } else { 0 };
             // The path's highest velocity is 15/8 of its mean, its highest acceleration 5.78 of the way over time squared.
             let share =
                 u64::from(joint.max_velocity.unsigned_abs()).wrapping_mul(settings.ease_velocity.into());
@@ -499,7 +546,8 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
         let last = self.eased >= self.ease_ticks;
         let path = (!last).then(|| least_jerk(Fraction::of(self.eased, self.ease_ticks)));
         for (servo, &to) in self.servos.iter_mut().zip(&self.wanted) {
-            servo.go(path.map_or(to, |path| lerp(servo.from, to, path)));
+            let to = clamp(to, servo.limits.min(), servo.limits.max());
+            servo.go_in(path.map_or(to, |path| lerp(servo.from, to, path)));
         }
         // One that is lost is not waited for.
         let there = |(index, (servo, &to)): (usize, (&Servo, &i32))| {

@@ -237,7 +237,14 @@ impl<'m> TestPuppet<'m> {
                 Ok(())
             }
             Action::TorqueOff => {
-                self.motors.iter_mut().for_each(|motor| motor.torque = false);
+                let reached = self.motors.iter_mut().filter(|motor| !motor.silent);
+                reached.for_each(|motor| motor.torque = false);
+                self.motors.iter().try_for_each(reach)
+            }
+            Action::LetGo { servo } => {
+                let motor = &mut self.motors[servo];
+                reach(motor)?;
+                motor.torque = false;
                 Ok(())
             }
             Action::Reboot { servo } => {

@@ -206,7 +206,8 @@ fn policies_go_home_or_let_go() {
     let hot: fn(&mut TestPuppet<'_>) = |puppet| puppet.motors[2].temperature = 70;
     let fault = Fault::Overheated { servo: 2 };
     settle(Policy::EaseHome, State::Resting, hot, fault);
-    assert!(settle(Policy::TorqueOff, State::Limp, hot, fault) <= 2);
+    // Seen, let go, and read to have let go.
+    assert!(settle(Policy::TorqueOff, State::Limp, hot, fault) <= 3);
 }
 
 #[test]

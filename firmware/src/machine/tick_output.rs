@@ -18,6 +18,11 @@ pub enum Action {
     },
     /// Let all servos go.
     TorqueOff,
+    /// Let one servo go.
+    LetGo {
+        /// The servo.
+        servo: usize,
+    },
     /// Restart a servo that says it has a hardware error.
     Reboot {
         /// The servo.

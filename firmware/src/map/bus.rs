@@ -43,6 +43,17 @@ impl BusKind {
         Self::ALL.iter().copied().find(|kind| kind.name() == name)
     }
 
+    /// Goal units in a turn of such a servo, rounded: those of the kind's usual model. 0: it does not tell where it is.
+    pub const fn turn(self) -> u32 {
+        match self {
+            Self::Dynamixel | Self::Sts => 4096,
+            // 1024 in 300 degrees, and in 200.
+            Self::Dynamixel1 => 1229,
+            Self::Scs => 1843,
+            Self::Pwm | Self::Pca9685 | Self::Blender => 0,
+        }
+    }
+
     /// Whether servos on such a bus tell where they are.
     pub const fn reads(self) -> bool {
         matches!(self, Self::Dynamixel | Self::Dynamixel1 | Self::Sts | Self::Scs)

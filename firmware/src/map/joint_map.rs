@@ -237,6 +237,7 @@ mod tests {
             min_millivolts: most,
             servo_watchdog_millis: most,
             channels: most,
+            following_tenths: 100,
         };
         let bus = BusSpec { kind: BusKind::Blender, baud: u32::MAX };
         let buses = [bus; MAX_BUSES].into_iter().collect();

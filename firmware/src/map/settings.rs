@@ -54,11 +54,19 @@ pub struct Settings {
     /// Channels that clips must have, so that a clip of another skeleton is refused; 0: as many as the joints need, or
     /// more.
     pub channels: u16,
+    /// Tenths of a degree that a servo may be from its goal without coming nearer, which is then a fault; 0: any.
+    #[serde(skip, default = "following_tenths")]
+    pub following_tenths: u16,
+}
+
+/// What a map has that says nothing of it.
+const fn following_tenths() -> u16 {
+    100
 }
 
 impl Settings {
     /// What a puppet has that says nothing else: two seconds to ease at a quarter of the velocity, half a second to
-    /// fade, servos that stop after 200 ms of silence.
+    /// fade, servos that stop after 200 ms of silence, and that follow within 10 degrees.
     pub const fn new(tick_hz: u16) -> Self {
         Self {
             tick_hz,
@@ -71,6 +79,7 @@ impl Settings {
             min_millivolts: 0,
             servo_watchdog_millis: 200,
             channels: 0,
+            following_tenths: following_tenths(),
         }
     }
 

@@ -23,6 +23,7 @@ pub(crate) struct File {
     pub(crate) temperature_limit: Option<u8>,
     pub(crate) min_volts: Option<Spanned<f64>>,
     pub(crate) servo_watchdog_ms: Option<u16>,
+    pub(crate) following_error: Option<Spanned<f64>>,
     #[serde(default)]
     pub(crate) bus: Vec<BusEntry>,
     #[serde(default)]

@@ -126,6 +126,7 @@ impl Puppet {
             min_millivolts: scaled(&file.min_volts, 1000.0, 60.0, fallback.min_millivolts)?,
             servo_watchdog_millis: file.servo_watchdog_ms.unwrap_or(fallback.servo_watchdog_millis),
             channels: u16::try_from(channels.len()).unwrap_or(0),
+            following_tenths: scaled(&file.following_error, 10.0, 180.0, fallback.following_tenths)?,
             ..fallback
         })
     }
@@ -267,7 +268,7 @@ mod tests {
         };
         assert_eq!(*with("baud = 1").unwrap().settings(), Settings { channels: 31, ..Settings::new(50) });
         let all = "baud = 1\ninterpolation = 'linear'\non_fault = 'torque-off'\nease_seconds = 1.5\nease_speed = 1\n\
-                   fade_seconds = 0\ntemperature_limit = 60\nmin_volts = 9.5\nservo_watchdog_ms = 0";
+                   fade_seconds = 0\ntemperature_limit = 60\nmin_volts = 9.5\nservo_watchdog_ms = 0\nfollowing_error = 7.5";
         let expected = Settings {
             tick_hz: 50,
             interpolation: Interpolation::Linear,
@@ -279,6 +280,7 @@ mod tests {
             min_millivolts: 9500,
             servo_watchdog_millis: 0,
             channels: 31,
+            following_tenths: 75,
         };
         assert_eq!(*with(all).unwrap().settings(), expected);
         let errors = [
