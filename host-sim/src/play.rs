@@ -76,7 +76,8 @@ pub fn perform(performance: &Performance<'_>, map: &Map) -> Result<Performed> {
         let recorder = Recorder::with_pins(puppet.map())?;
         let recorder = on_the_spot(&mut puppet, recorder, &mut watching)?;
         let (recording, sound) = recorder.end();
-        let failed = puppet.fault().map(|fault| anyhow!("{fault}")).or(sound.err());
+        let names = performance.names.or_ids(map);
+        let failed = puppet.fault().map(|fault| anyhow!(names.fault(fault))).or(sound.err());
         Ok(Performed { recording, notes: watching.0.all, failed })
     })
 }

@@ -86,8 +86,8 @@ struct Events {
 
 /// Reads what is to happen to servos, with the time of each in microseconds: tables `[[event]]` with `at` (seconds)
 /// and
-/// `what`, one of `restart` (`servo`), `silence` (`servo`, `seconds`), `cut` (`seconds`) and `turn` (`servo`,
-/// `position`); with the name of the `bus`, where an event says it.
+/// `what`, one of `restart` (`servo`), `silence` (`servo`, `seconds`), `cut` (`seconds`), `turn` (`servo`,
+/// `position`) and `stick` (`servo`, `seconds`); with the name of the `bus`, where an event says it.
 ///
 /// # Errors
 /// A sentence with the file and the event.
@@ -123,7 +123,10 @@ pub(crate) fn at(event: &mut Table) -> anyhow::Result<f64> {
 pub(crate) fn disturbance(event: Table) -> anyhow::Result<Disturbance> {
     let disturbance =
         event.try_into::<Disturbance>().map_err(|error| anyhow::anyhow!("{}", error.message()))?;
-    if let Disturbance::Silence { seconds, .. } | Disturbance::Cut { seconds } = disturbance {
+    if let Disturbance::Silence { seconds, .. }
+    | Disturbance::Cut { seconds }
+    | Disturbance::Stick { seconds, .. } = disturbance
+    {
         ensure!((0.0..1e6).contains(&seconds), "`seconds` is {seconds}, expected 0 or more");
     }
     Ok(disturbance)

@@ -7,6 +7,7 @@ use bunraku_tests::{bunraku, workspace};
 use host_sim::clip::Clip;
 use host_sim::play::{Performance, virtual_bus};
 use host_sim::ports::{self, Clock, Told};
+use host_sim::puppet::joint_names::JointNames;
 use puppet_file::Puppet;
 use std::cell::{Cell, RefCell};
 use std::fs::{self, File};
@@ -111,7 +112,16 @@ fn follow(late: Duration) -> Followed {
             states.borrow_mut().push(line.to_owned());
         }
     };
-    let ended = ports::follow(&receiver, 1500, &map, bus, &clock, &AtomicUsize::new(0), &mut say);
+    let ended = ports::follow(
+        &receiver,
+        1500,
+        &map,
+        &JointNames::ids(&map),
+        bus,
+        &clock,
+        &AtomicUsize::new(0),
+        &mut say,
+    );
     let error = ended.unwrap().0.failed.unwrap();
     Followed { told: told.take(), states: states.take(), error }
 }

@@ -7,6 +7,7 @@ use bunraku_tests::{bunraku, workspace};
 use firmware::follow::Counters;
 use host_sim::live_frames::Listener;
 use host_sim::ports::{self, Clock, InstantClock, Played, Told, virtual_buses};
+use host_sim::puppet::joint_names::JointNames;
 use host_sim::puppet_servos;
 use puppet_file::Puppet;
 use std::cell::RefCell;
@@ -151,8 +152,17 @@ fn follow(
             states.borrow_mut().push(line.to_owned());
         }
     };
-    let (played, counters) =
-        ports::follow(&input, 1500, &map, buses, &clock, &AtomicUsize::new(0), &mut say).unwrap();
+    let (played, counters) = ports::follow(
+        &input,
+        1500,
+        &map,
+        &JointNames::ids(&map),
+        buses,
+        &clock,
+        &AtomicUsize::new(0),
+        &mut say,
+    )
+    .unwrap();
     client.into_inner().close();
     (played, counters, states.into_inner())
 }
@@ -290,7 +300,8 @@ fn an_end_that_is_asked_for_brings_every_bus_home() {
             asked.store(1, Ordering::Relaxed);
         }
     };
-    let (played, _) = ports::follow(&input, 0, &map, buses, &clock, &asked, &mut say).unwrap();
+    let (played, _) =
+        ports::follow(&input, 0, &map, &JointNames::ids(&map), buses, &clock, &asked, &mut say).unwrap();
     assert_eq!((played.failed, format!("{:?}", played.state)), (None, "Resting".to_owned()));
     let last: Vec<i32> =
         played.recording.goals.iter().rev().take(12).rev().map(|goal| goal.position).collect();

@@ -148,4 +148,12 @@ pub trait ServoBus {
     async fn set_watchdog(&mut self, _ids: &[u8], _millis: u16) -> Result<(), BusError> {
         Err(BusError::Unsupported)
     }
+
+    /// Disarms the watchdog of one servo; confirmed by the servo.
+    ///
+    /// # Errors
+    /// [`BusError::Unsupported`] where the servo has none.
+    async fn disarm_watchdog(&mut self, _ids: &[u8], _index: usize) -> Result<(), BusError> {
+        Err(BusError::Unsupported)
+    }
 }

@@ -89,6 +89,16 @@ macro_rules! impl_servo_bus {
                     $(Self::$kind(bus) => bus.set_watchdog(ids, millis).await,)+
                 }
             }
+
+            async fn disarm_watchdog(
+                &mut self,
+                ids: &[u8],
+                index: usize,
+            ) -> Result<(), $crate::bus::BusError> {
+                match self {
+                    $(Self::$kind(bus) => bus.disarm_watchdog(ids, index).await,)+
+                }
+            }
         }
     };
 }
@@ -197,6 +207,11 @@ impl<B: ServoBus, const N: usize> ServoBus for JoinedBuses<B, N> {
         }
         result
     }
+
+    async fn disarm_watchdog(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
+        let (bus, ids, index) = self.bus_of(ids, index)?;
+        bus.disarm_watchdog(ids, index).await
+    }
 }
 
 #[cfg(test)]
@@ -252,6 +267,9 @@ mod tests {
         async fn set_watchdog(&mut self, ids: &[u8], millis: u16) -> Result<(), BusError> {
             self.note("watchdog", ids, millis.into())
         }
+        async fn disarm_watchdog(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
+            self.note("disarm", ids, index)
+        }
     }
 
     fn log(base: i32, result: Option<BusError>) -> Log {
@@ -272,6 +290,7 @@ mod tests {
             block_on(bus.set_torque(&IDS, index, true)).unwrap();
             block_on(bus.reboot(&IDS, index)).unwrap();
         }
+        block_on(bus.disarm_watchdog(&IDS, 4)).unwrap();
         assert_eq!([0, 1, 2, 3, 4].map(|index| bus.reads(index)), [true, false, true, true, false]);
         block_on(bus.set_watchdog(&IDS, 200)).unwrap();
         let mut readings = [None; 5];
@@ -306,6 +325,7 @@ mod tests {
                 (ping, 1),
                 (on, 1),
                 (reboot, 1),
+                ("disarm", 1),
                 ("watchdog", 200),
                 ("read", 2),
                 ("goals", 2)

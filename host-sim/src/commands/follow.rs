@@ -5,6 +5,7 @@ use anyhow::{Context, Result, bail};
 use host_sim::live_frames::{self, Listener, Say};
 use host_sim::play::seconds;
 use host_sim::ports::{self, Clock, ComputerClock, Told, virtual_buses};
+use host_sim::puppet::joint_names::JointNames;
 use host_sim::puppet_servos;
 use puppet_file::Puppet;
 use std::io::Write;
@@ -76,6 +77,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let puppet = Puppet::read(path)?;
     let map = puppet.map(puppet.channels()?)?;
     let bus_names = puppet.bus_names();
+    let names = JointNames::of(&puppet, &map);
     let clock = ComputerClock::start();
     let say = &mut |told: Told<'_>| {
         if let Told::Line(line) = told {
@@ -86,11 +88,11 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let served = puppet_servos::read(path)?;
         let now = || clock.now();
         let buses = virtual_buses::open(&map, &served, &now).context("--on host")?;
-        ports::follow(&listen(&args)?, lost_millis, &map, buses, &clock, asked_to_end()?, say)
+        ports::follow(&listen(&args)?, lost_millis, &map, &names, buses, &clock, asked_to_end()?, say)
     } else {
         let paths = ports::paths(&args.on, &bus_names, |_| true)?;
         let buses = ports::open(&map, &paths)?;
-        ports::follow(&listen(&args)?, lost_millis, &map, buses, &clock, asked_to_end()?, say)
+        ports::follow(&listen(&args)?, lost_millis, &map, &names, buses, &clock, asked_to_end()?, say)
     }?;
     if let Some(log) = &args.log {
         write_log(log, &played.recording, &bus_names)?;

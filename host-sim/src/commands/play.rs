@@ -10,6 +10,7 @@ use host_sim::files;
 use host_sim::play::{self, Note, Performance, Recording};
 use host_sim::ports::{self, Clock, ComputerClock, InstantClock, Played, Told, virtual_buses};
 use host_sim::puppet::channels;
+use host_sim::puppet::joint_names::JointNames;
 use host_sim::puppet_servos;
 use host_sim::rp2040js;
 use host_sim::show::{PlayedShow, Program, Summary, show_page};
@@ -131,7 +132,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let clips = parsed.collect::<Result<Vec<_>>>()?;
     let puppet = Puppet::read(&args.puppet)?;
     let map = map_of(&args, &clips, &puppet)?;
-    let performance = performance(&args, &clips)?;
+    let performance = Performance { names: JointNames::of(&puppet, &map), ..performance(&args, &clips)? };
     let one = args.clips[0].display();
     let name = if clips.len() == 1 { one.to_string() } else { format!("{} clips", clips.len()) };
     check_place(&args, &map)?;
@@ -254,6 +255,7 @@ fn performance<'c>(args: &Args, clips: &'c [Clip<'c>]) -> Result<Performance<'c>
         start: start as u32,
         speed: Speed::new((args.speed * 256.0).round() as u16),
         torque_off: args.torque_off,
+        names: JointNames::default(),
     })
 }
 

@@ -31,7 +31,7 @@ pub struct Args {
     #[arg(long, value_name = "LINE", default_value = "pty")]
     listen: Listen,
     /// What happens to the servos, by seconds since they were started: `[[event]]` with `at` and `what`, for instance
-    /// at = 5.0, what = "turn", servo = 3, position = 1000 (or restart, silence, cut), and `bus` where there are several
+    /// at = 5.0, what = "turn", servo = 3, position = 1000 (or restart, silence, cut, stick), and `bus` where there are several
     #[arg(long, value_name = "EVENTS.TOML")]
     events: Option<PathBuf>,
     /// Where it is written what the servos are told: time in seconds, bus, servo, goal position

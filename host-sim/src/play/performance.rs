@@ -1,6 +1,7 @@
 //! What a player is asked to play: which clips, how often, from where on, how fast.
 
 use crate::clip::{Clip, Memory};
+use crate::puppet::joint_names::JointNames;
 use anyhow::{Context, Result};
 use decoder_core::{Error, I16F16};
 use firmware::clock::Speed;
@@ -26,6 +27,8 @@ pub struct Performance<'c> {
     pub speed: Speed,
     /// Whether servos that can are let go in the end, where the puppet has come to its end without a fault.
     pub torque_off: bool,
+    /// What the servos are called; their ids alone where this is empty.
+    pub names: JointNames,
 }
 
 impl<'c> Performance<'c> {
@@ -38,6 +41,7 @@ impl<'c> Performance<'c> {
             start: 0,
             speed: Speed::NORMAL,
             torque_off: false,
+            names: JointNames::default(),
         }
     }
 

@@ -1,8 +1,10 @@
 //! Plays clips or follows live frames on ports, each tick when it is due by a clock.
 
 use super::clock::Clock;
+use super::end;
 use super::serial::block_on;
 use crate::play::{Note, Notes, Performance, Recording, Taken};
+use crate::puppet::joint_names::JointNames;
 use anyhow::Result;
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::decoder_list::SingleClip;
@@ -74,7 +76,8 @@ pub fn play(
     say: &mut dyn FnMut(Told<'_>),
 ) -> Result<Played> {
     performance.with_machine(map, |machine| {
-        Ok(perform(machine, bus, clock, asked, performance.torque_off, say, &mut |_| None))
+        let names = performance.names.or_ids(map);
+        Ok(perform(machine, &names, bus, clock, asked, performance.torque_off, say, &mut |_| None))
     })
 }
 
@@ -87,6 +90,7 @@ pub fn follow(
     input: &Receiver<Vec<u8>>,
     lost_millis: u16,
     map: &Map,
+    names: &JointNames,
     bus: impl ServoBus,
     clock: &impl Clock,
     asked: &AtomicUsize,
@@ -109,7 +113,7 @@ pub fn follow(
     };
     let show = Show { playlist: &[0], ..Show::default() };
     let machine = Machine::new(&map, SingleClip::<_>::new(follow.frames(), None), show, Start::Power);
-    let played = perform(machine, bus, clock, asked, false, say, &mut tick);
+    let played = perform(machine, names, bus, clock, asked, false, say, &mut tick);
     Ok((played, follow.counters()))
 }
 
@@ -119,6 +123,7 @@ type EachTick<'t> = dyn FnMut(&mut dyn FnMut(Told<'_>)) -> Option<Command> + 't;
 /// Performs what a machine has been told to.
 fn perform<L: Library>(
     mut machine: Machine<'_, L, MAX_SERVOS>,
+    names: &JointNames,
     bus: impl ServoBus,
     clock: &impl Clock,
     asked: &AtomicUsize,
@@ -155,21 +160,31 @@ fn perform<L: Library>(
     };
     let ids: Vec<u8> = map.joints().iter().map(|joint| joint.id).collect();
     block_on(control_loop(&mut machine, &mut bus, &mut surroundings));
-    // Servos hold their last goal; their watchdogs would turn the next player's goals down.
+    // Watchdogs stay armed until each servo has confirmed that it let go.
+    let unconfirmed = machine.may_hold().map(|index| (index, BusError::Corrupt));
+    let mut kept: end::Kept = unconfirmed.filter(|_| machine.state() == State::LettingGo).collect();
+    if torque_off && machine.fault().is_none() && machine.at_rest() {
+        kept = end::let_go(&mut bus.bus, &ids, clock);
+        surroundings.tell(&end::told(&kept, ids.len(), names));
+        // Those that no bus lets go are no failure.
+        kept.retain(|(_, why)| *why != BusError::Unsupported);
+    }
+    // The others hold their last goal, or are slack; their watchdogs would turn the next player's goals down.
     if map.settings().servo_watchdog_millis > 0 {
-        match block_on(bus.bus.set_watchdog(&ids, 0)) {
-            Ok(()) | Err(BusError::Unsupported) => {}
-            Err(error) => surroundings.tell(&format!("the servos' watchdogs stay armed: {error}")),
+        let armed: Vec<usize> = kept.iter().map(|(index, _)| *index).collect();
+        if let Some(sentence) = end::disarm(&mut bus.bus, &ids, &armed, names) {
+            surroundings.tell(&sentence);
         }
     }
-    if torque_off && machine.fault().is_none() && machine.at_rest() {
-        surroundings.tell(&let_go(&mut bus.bus, &ids));
-    }
     let late = surroundings.late;
-    let failed = machine.fault().map(|fault| match fault {
+    let mut failed = machine.fault().map(|fault| match fault {
         Fault::Late => format!("{fault}: {}", why_late(late, bus.longest, map)),
-        _ => fault.to_string(),
+        _ => names.fault(fault),
     });
+    if !kept.is_empty() {
+        let kept = end::told(&kept, ids.len(), names);
+        failed = Some(failed.map_or(kept.clone(), |why| format!("{why}; {kept}")));
+    }
     let recording = Recording {
         ticks: surroundings.ticks,
         goals: bus.taken,
@@ -178,23 +193,6 @@ fn perform<L: Library>(
     };
     let notes = surroundings.notes.all;
     Played { recording, notes, late, longest: bus.longest, state: machine.state(), failed }
-}
-
-/// Turns torque off, and says of whom.
-fn let_go(bus: &mut impl ServoBus, ids: &[u8]) -> String {
-    let mut kept = Vec::new();
-    for (index, id) in ids.iter().enumerate() {
-        if let Err(error) = block_on(bus.set_torque(ids, index, false)) {
-            kept.push(match error {
-                BusError::Unsupported => format!("servo {id} cannot be let go"),
-                error => format!("servo {id} may still hold: {error}"),
-            });
-        }
-    }
-    match kept.as_slice() {
-        [] => "torque is off".to_owned(),
-        kept => format!("torque is off, but for {} of {} servos: {}", kept.len(), ids.len(), kept.join(", ")),
-    }
 }
 
 /// How late ticks were, and what can be done.
@@ -308,6 +306,10 @@ impl<B: ServoBus, C: Clock> ServoBus for Watched<'_, B, C> {
         let result = self.bus.set_watchdog(ids, millis).await;
         self.acted(start);
         result
+    }
+
+    async fn disarm_watchdog(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
+        self.bus.disarm_watchdog(ids, index).await
     }
 }
 

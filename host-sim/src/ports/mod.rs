@@ -2,6 +2,7 @@
 
 mod bus;
 mod clock;
+mod end;
 mod live;
 mod serial;
 pub mod virtual_buses;

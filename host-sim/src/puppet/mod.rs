@@ -5,5 +5,6 @@ pub mod budget;
 pub mod calibrate;
 pub mod channels;
 pub mod joint_errors;
+pub mod joint_names;
 pub mod new;
 pub mod rehearse;

@@ -35,6 +35,7 @@ pub(crate) struct DynamixelServo {
     now_us: u64,
     started_us: u64,
     heard_us: u64,
+    stuck_until_us: u64,
 }
 
 impl DynamixelServo {
@@ -46,6 +47,7 @@ impl DynamixelServo {
             now_us: 0,
             started_us: 0,
             heard_us: 0,
+            stuck_until_us: 0,
         };
         servo.memory.set(ID, i64::from(config.id));
         servo.memory.set(MIN_POSITION_LIMIT, i64::from(config.min_position));
@@ -192,7 +194,11 @@ impl DynamixelServo {
                 self.watch();
                 break;
             }
-            self.motion.step();
+            if self.now_us < self.stuck_until_us {
+                self.motion.stand();
+            } else {
+                self.motion.step();
+            }
             self.now_us += STEP_US;
         }
         self.publish();
@@ -431,5 +437,9 @@ impl SimulatedServo for DynamixelServo {
 
     fn turn(&mut self, position: i32) {
         self.turn(position);
+    }
+
+    fn stick(&mut self, until_us: u64) {
+        self.stuck_until_us = until_us;
     }
 }

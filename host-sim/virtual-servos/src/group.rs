@@ -11,6 +11,8 @@ pub(crate) trait SimulatedServo {
     fn advance_to(&mut self, now_us: u64);
     fn reboot(&mut self);
     fn turn(&mut self, position: i32);
+    /// The shaft stands until then.
+    fn stick(&mut self, until_us: u64);
 }
 
 /// The servos of a bus.
@@ -81,6 +83,9 @@ impl<S: SimulatedServo> ServoGroup<S> {
             Disturbance::Cut { seconds } => self.cut_until_us = now_us + micros(seconds),
             Disturbance::Turn { servo, position } => {
                 with(servo).into_iter().for_each(|servo| servo.turn(position));
+            }
+            Disturbance::Stick { servo, seconds } => {
+                with(servo).into_iter().for_each(|servo| servo.stick(now_us + micros(seconds)));
             }
         }
     }

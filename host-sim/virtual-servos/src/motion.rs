@@ -72,6 +72,11 @@ impl Motion {
         self.drive = Drive::Free;
     }
 
+    /// Stands for 1 ms, whatever the motor does.
+    pub const fn stand(&mut self) {
+        self.velocity = 0.0;
+    }
+
     /// Moves for 1 ms.
     pub fn step(&mut self) {
         match self.drive {

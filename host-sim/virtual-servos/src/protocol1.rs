@@ -32,13 +32,14 @@ struct Protocol1Servo {
     /// What Reg Write left for Action: address and bytes.
     registered: Option<(u8, Vec<u8>)>,
     now_us: u64,
+    stuck_until_us: u64,
 }
 
 impl Protocol1Servo {
     fn new(model: &'static Model, config: ServoConfig, number: u16) -> Self {
         let motion = Motion::new(f64::from(config.position));
         let mut servo =
-            Self { model, memory: factory(model), stored: Vec::new(), motion, registered: None, now_us: 0 };
+            Self { model, memory: factory(model), stored: Vec::new(), motion, registered: None, now_us: 0, stuck_until_us: 0 };
         servo.set(model.model_at, number.to_le_bytes());
         servo.memory[usize::from(model.id_at)] = config.id;
         for (at, limit) in [(0, config.min_position), (2, config.max_position)] {
@@ -151,7 +152,11 @@ impl SimulatedServo for Protocol1Servo {
                 self.now_us += (now_us - self.now_us) / STEP_US * STEP_US;
                 break;
             }
-            self.motion.step();
+            if self.now_us < self.stuck_until_us {
+                self.motion.stand();
+            } else {
+                self.motion.step();
+            }
             self.now_us += STEP_US;
         }
         self.publish();
@@ -172,6 +177,10 @@ impl SimulatedServo for Protocol1Servo {
             self.motion.position = f64::from(position);
             self.publish();
         }
+    }
+
+    fn stick(&mut self, until_us: u64) {
+        self.stuck_until_us = until_us;
     }
 }
 

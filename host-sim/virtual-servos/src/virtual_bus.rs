@@ -58,6 +58,13 @@ pub enum Disturbance {
         /// To this position, in the servo's goal units.
         position: i32,
     },
+    /// Something holds the servo's shaft, whatever its motor does.
+    Stick {
+        /// Id of the servo.
+        servo: u8,
+        /// For how long.
+        seconds: f64,
+    },
 }
 
 /// Microseconds that a servo takes to start.
@@ -68,7 +75,10 @@ impl Disturbance {
     #[must_use]
     pub const fn servo(&self) -> Option<u8> {
         match *self {
-            Self::Restart { servo } | Self::Silence { servo, .. } | Self::Turn { servo, .. } => Some(servo),
+            Self::Restart { servo }
+            | Self::Silence { servo, .. }
+            | Self::Turn { servo, .. }
+            | Self::Stick { servo, .. } => Some(servo),
             Self::Cut { .. } => None,
         }
     }

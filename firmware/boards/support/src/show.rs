@@ -171,7 +171,12 @@ impl<'m, T: InputPin, W: FnMut()> BoardSurroundings<'m, T, W> {
         if machine.fault() != self.fault {
             self.fault = machine.fault();
             match self.fault {
-                Some(fault) => defmt::error!("{}", fault),
+                Some(fault) => {
+                    match fault.servo().and_then(|servo| self.map.joints().get(usize::from(servo))) {
+                        Some(joint) => defmt::error!("servo {=u8}: {}", joint.id, fault),
+                        None => defmt::error!("{}", fault),
+                    }
+                }
                 None => defmt::info!("acknowledged"),
             }
         }

@@ -262,6 +262,11 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoBus for Dyn
         self.reader.client.reboot(id).await.map(drop)
     }
 
+    async fn disarm_watchdog(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
+        let id = *ids.get(index).ok_or(BusError::TooMany)?;
+        self.reader.client.write(id, BUS_WATCHDOG.address, &[0]).await.map(drop)
+    }
+
     /// Of up to 2.54 s in steps of 20 ms.
     async fn set_watchdog(&mut self, ids: &[u8], millis: u16) -> Result<(), BusError> {
         let units = millis.div_ceil(WATCHDOG_UNIT_MS).min(127) as u8;
