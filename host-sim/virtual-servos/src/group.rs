@@ -13,6 +13,7 @@ pub(crate) trait SimulatedServo {
     fn turn(&mut self, position: i32);
     /// The shaft stands until then.
     fn stick(&mut self, until_us: u64);
+    fn set(&mut self, address: u16, value: i64);
 }
 
 /// The servos of a bus.
@@ -86,6 +87,9 @@ impl<S: SimulatedServo> ServoGroup<S> {
             }
             Disturbance::Stick { servo, seconds } => {
                 with(servo).into_iter().for_each(|servo| servo.stick(now_us + micros(seconds)));
+            }
+            Disturbance::Set { servo, address, value } => {
+                with(servo).into_iter().for_each(|servo| servo.set(address, value));
             }
         }
     }

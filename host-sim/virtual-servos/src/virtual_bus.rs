@@ -65,6 +65,16 @@ pub enum Disturbance {
         /// For how long.
         seconds: f64,
     },
+    /// Somebody else writes a value into the servo's table, whatever the servo itself would take: a wrong operating mode,
+    /// an old firmware, another model.
+    Set {
+        /// Id of the servo.
+        servo: u8,
+        /// Address of the value's first byte.
+        address: u16,
+        /// The value, cut to the length of the register.
+        value: i64,
+    },
 }
 
 /// Microseconds that a servo takes to start.
@@ -78,7 +88,8 @@ impl Disturbance {
             Self::Restart { servo }
             | Self::Silence { servo, .. }
             | Self::Turn { servo, .. }
-            | Self::Stick { servo, .. } => Some(servo),
+            | Self::Stick { servo, .. }
+            | Self::Set { servo, .. } => Some(servo),
             Self::Cut { .. } => None,
         }
     }
