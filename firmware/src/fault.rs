@@ -166,7 +166,7 @@ impl<W: Fn(u8, &mut fmt::Formatter<'_>) -> fmt::Result> fmt::Display for Naming<
             Fault::BeyondTurn { position, .. } => write!(
                 f,
                 " stands at {position}, outside its range, and its shorter way back leads over the end of its turn, where it cannot \
-                 go: turn it by hand into its range"
+                 go: it is let go, so turn it by hand into its range, and begin again"
             ),
         }
     }

@@ -23,6 +23,8 @@ mod state_machine;
 pub(crate) mod test_puppet;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_off_goal;
 mod tick_output;
 
 pub use crate::show::{After, Show};

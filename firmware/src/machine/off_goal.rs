@@ -208,9 +208,9 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
         numbered(&self.servos).filter(|(_, servo)| servo.letting_go).map(|(index, _)| index)
     }
 
-    /// Whether servos have had the time to confirm that they let go.
-    pub(super) fn let_go_for_long(&self) -> bool {
-        self.waited >= self.map.settings().ticks(LET_GO_MILLIS)
+    /// Whether no servo is still to let go, or they had the time to confirm that they did.
+    pub(super) fn is_let_go(&self) -> bool {
+        !self.any_letting_go || self.waited >= self.map.settings().ticks(LET_GO_MILLIS)
     }
 
     /// Takes what servos have confirmed; the next one that is to let go. A servo that can be read confirms it by reading that its
@@ -219,6 +219,7 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
         if !self.any_letting_go {
             return None;
         }
+        self.waited = self.waited.saturating_add(1);
         let done = feedback.action == Some(Ok(()));
         let mut next = None;
         let mut left = false;
@@ -252,13 +253,12 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
 
     /// A tick of letting all go: at once, and then one by one until all have confirmed it.
     pub(super) fn let_all_go(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
+        let first = self.waited == 0;
         let next = self.let_go(feedback);
         if next.is_none() {
             self.enter(State::Limp);
             return None;
         }
-        let first = self.waited == 0;
-        self.waited = self.waited.saturating_add(1);
         if first { Some(Action::TorqueOff) } else { next }
     }
 }

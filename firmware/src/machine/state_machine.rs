@@ -169,9 +169,9 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
     /// Whether the puppet has come to an end: nothing moves, and without a command nothing will.
     pub fn at_rest(&self) -> bool {
         match self.state {
-            State::Resting | State::Limp => true,
-            State::LettingGo => self.let_go_for_long(),
-            State::Holding => self.fault.is_some() || self.mixer.is_empty(),
+            State::Limp => true,
+            State::Resting | State::LettingGo => self.is_let_go(),
+            State::Holding => self.is_let_go() && (self.fault.is_some() || self.mixer.is_empty()),
             _ => false,
         }
     }

@@ -135,6 +135,10 @@ pub(crate) struct TestPuppet<'m> {
     pub(crate) longest: i32,
     pub(crate) tick: u32,
     pub(crate) watched: Option<u16>,
+    /// A motor that does something else with its goal than to go there at once.
+    pub(crate) odd: Option<(usize, fn(&mut TestServo, i32))>,
+    /// Whether motors forget their turns as their torque comes on, as in position mode.
+    pub(crate) wraps: bool,
 }
 
 impl<'m> TestPuppet<'m> {
@@ -160,6 +164,8 @@ impl<'m> TestPuppet<'m> {
             longest: 0,
             tick: 0,
             watched: None,
+            odd: None,
+            wraps: false,
         }
     }
 
@@ -197,6 +203,11 @@ impl<'m> TestPuppet<'m> {
             if !reaches {
                 continue;
             }
+            if let Some((_, act)) = self.odd.filter(|(odd, _)| *odd == index) {
+                act(&mut self.motors[index], goal.position);
+                continue;
+            }
+            let motor = &mut self.motors[index];
             let at = format!("servo {index} at {}: {goal:?} in tick {}", motor.position, self.tick);
             // One that was not reached is told what it would have been told a tick or two after it was.
             let most = if reached { 1 } else { i32::from(UNHEARD_TICKS) };
@@ -234,6 +245,9 @@ impl<'m> TestPuppet<'m> {
                 let told = self.told[&servo];
                 assert!((told - motor.position).abs() <= 7, "{told} is told where {} is", motor.position);
                 motor.torque = true;
+                if self.wraps {
+                    motor.position = motor.position.rem_euclid(4096);
+                }
                 Ok(())
             }
             Action::TorqueOff => {
