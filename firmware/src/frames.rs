@@ -16,6 +16,12 @@ pub trait Frames {
     /// Frames per second, in hundredths.
     fn rate_centihertz(&self) -> u16;
 
+    /// Digest of the channels' names ([`names_digest`](mclip::Header::names_digest)); `None` where they have none. Takes a pass over
+    /// the names.
+    fn names(&self) -> Option<u32> {
+        None
+    }
+
     /// Number of the frame that [`next_frame`](Self::next_frame) gives.
     fn position(&self) -> u32;
 
@@ -41,6 +47,10 @@ impl<F: Frames + ?Sized> Frames for &mut F {
 
     fn rate_centihertz(&self) -> u16 {
         (**self).rate_centihertz()
+    }
+
+    fn names(&self) -> Option<u32> {
+        (**self).names()
     }
 
     fn position(&self) -> u32 {
@@ -95,6 +105,10 @@ impl Frames for mclip::Decoder<'_, '_> {
 
     fn rate_centihertz(&self) -> u16 {
         self.clip().header().rate_centihertz()
+    }
+
+    fn names(&self) -> Option<u32> {
+        self.clip().header().names_digest()
     }
 
     fn position(&self) -> u32 {

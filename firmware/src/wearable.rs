@@ -37,7 +37,7 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
         if !keeps_up(rate, hz) {
             return Err(PlayError::TooFast { rate_centihertz: rate, tick_hz: hz });
         }
-        map.check_channels(frames.channels())?;
+        map.demands().check_channels(frames.channels(), frames.names())?;
         if frames.frames() == 0 {
             return Err(PlayError::NoFrames);
         }

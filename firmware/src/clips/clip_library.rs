@@ -89,6 +89,14 @@ impl<'t, 's, F: MappedFlash> Library for Clips<'t, 's, F> {
         }
     }
 
+    fn has(&self, clip: u16) -> bool {
+        if clip == LIVE {
+            return self.live.rate_centihertz() > 0;
+        }
+        let stored = self.store.as_ref().is_some_and(|store| store.entry(clip).is_some());
+        stored || self.linked.get(usize::from(clip)).is_some()
+    }
+
     fn close(&mut self, clip: OpenClip<'t, 's>) {
         let OpenClip { mut worker } = clip;
         let lease = worker.close();
@@ -113,6 +121,10 @@ impl Frames for OpenClip<'_, '_> {
 
     fn rate_centihertz(&self) -> u16 {
         self.worker.rate_centihertz()
+    }
+
+    fn names(&self) -> Option<u32> {
+        self.worker.names()
     }
 
     fn position(&self) -> u32 {

@@ -120,6 +120,7 @@ wire_enum! { State {
     8 Returning,
     9 Resting,
     10 Limp,
+    11 Paused,
 }}
 
 wire_enum! { Refusal {
@@ -170,6 +171,10 @@ wire_enum! { PlayError {
     6 NoDecoder,
     7 Channels { found: u32, expected: u16 },
     8 TooFast { rate_centihertz: u16, tick_hz: u16 },
+    9 Names { found: u32, expected: u32 },
+    10 Beyond { frame: u32, frames: u32 },
+    11 Stream,
+    12 Nothing,
 }}
 
 wire_enum! { StoreError {
@@ -188,6 +193,7 @@ wire_enum! { StoreError {
     12 Clip(error: Error),
     13 Worn { at: u32 },
     14 Flash { kind: NorFlashErrorKind, at: u32 },
+    15 Play(error: PlayError),
 }}
 
 wire_enum! { StreamError {
