@@ -1,5 +1,6 @@
 //! Where frames come from.
 
+use crate::demands::{Facts, count};
 use decoder_core::{Error, I16F16, mclip, qmd};
 
 /// Where frames come from, in order.
@@ -20,6 +21,16 @@ pub trait Frames {
     /// the names.
     fn names(&self) -> Option<u32> {
         None
+    }
+
+    /// What the clip says of itself, as much as decides whether it can be played.
+    fn facts(&self) -> Facts {
+        Facts {
+            frames: self.frames(),
+            channels: count(self.channels()),
+            rate_centihertz: self.rate_centihertz(),
+            names: self.names(),
+        }
     }
 
     /// Number of the frame that [`next_frame`](Self::next_frame) gives.

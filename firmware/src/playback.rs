@@ -2,7 +2,6 @@
 
 use crate::clock::{Clock, Speed};
 use crate::collect::collect;
-use crate::demands::Facts;
 use crate::frames::Frames;
 use crate::interpolate::{Fraction, catmull_rom, lerp};
 use crate::map::{Interpolation, JointMap};
@@ -39,12 +38,7 @@ impl<F: Frames, const N: usize> Playback<F, N> {
     /// # Errors
     /// [`PlayError`] where the clip does not fit the map, with the frames.
     pub fn new(mut frames: F, map: &JointMap<N>, repeats: bool, start: u32) -> Result<Self, (PlayError, F)> {
-        let facts = Facts {
-            frames: frames.frames(),
-            channels: frames.channels(),
-            rate_centihertz: frames.rate_centihertz(),
-            names: frames.names(),
-        };
+        let facts = frames.facts();
         if let Err(error) = map.demands().check(&facts) {
             return Err((error, frames));
         }

@@ -1,6 +1,7 @@
 //! Clips in flash, linked in, and streamed, as one library.
 
 use super::worker::Worker;
+use crate::demands::Facts;
 use crate::frames::Frames;
 use crate::library::{LIVE, Library};
 use crate::play_error::PlayError;
@@ -33,6 +34,13 @@ impl<'t, 's, F: MappedFlash> Clips<'t, 's, F> {
     /// The clips linked into the image.
     pub const fn linked(&self) -> &'t [&'static [u8]] {
         self.linked
+    }
+
+    /// What a clip says of itself; `None` where there is none of that number, and of the live stream. Reads its header.
+    pub fn facts(&self, clip: u16) -> Option<Facts> {
+        let stored = self.store.as_ref().and_then(|store| store.get(clip));
+        let bytes = stored.or_else(|| self.linked.get(usize::from(clip)).copied())?;
+        Facts::of(bytes).ok()
     }
 
     /// The clips in flash.

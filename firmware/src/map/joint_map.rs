@@ -160,10 +160,12 @@ impl<const N: usize> JointMap<N> {
     /// What a clip must be to be played.
     pub fn demands(&self) -> Demands {
         let joints = self.joints.iter().map(|joint| (joint.channel, joint.id));
+        let (furthest_channel, furthest_id) = joints.max_by_key(|(channel, _)| *channel).unwrap_or_default();
         Demands {
             channels: self.settings.channels,
             names: self.names,
-            furthest: joints.max_by_key(|(channel, _)| *channel).unwrap_or_default(),
+            furthest_channel,
+            furthest_id,
             tick_hz: self.settings.tick_hz,
         }
     }

@@ -80,17 +80,12 @@ impl Check {
         let limits = Limits { channels, frames: Limits::MAX.frames };
         if !clip.starts_with(&MAGIC) {
             let clip = qmd::Clip::parse(clip, limits)?;
-            let (frames, rate_centihertz) = (clip.frames(), clip.rate_centihertz());
-            let facts = Facts { frames, channels: clip.channels(), rate_centihertz, names: None };
-            return Ok(Opened { facts, blocks: None });
+            return Ok(Opened { facts: Facts::from(&clip), blocks: None });
         }
         let header = Header::parse(clip, limits)?;
         fits(&header.needs(), capacity)?;
         self.read(clip, Prefix::read(clip)?.header_bytes);
-        let (frames, rate_centihertz) = (header.frames(), header.rate_centihertz());
-        let names = header.names_digest();
-        let facts = Facts { frames, channels: header.channel_count(), rate_centihertz, names };
-        Ok(Opened { facts, blocks: Some(header.block_bounds()) })
+        Ok(Opened { facts: Facts::from(&header), blocks: Some(header.block_bounds()) })
     }
 
     /// Checks blocks of about [`STEP_BYTES`].
