@@ -122,11 +122,7 @@ mod tests {
         let unnamed = Demands { names: 0, ..demands };
         for (demands, clip, error) in [
             (demands, Facts { rate_centihertz: 0, ..clip }, Some(PlayError::Rate)),
-            (
-                demands,
-                Facts { rate_centihertz: u16::MAX, ..clip },
-                None,
-            ),
+            (demands, Facts { rate_centihertz: u16::MAX, ..clip }, None),
             (
                 Demands { tick_hz: 1, ..demands },
                 clip,
@@ -134,7 +130,11 @@ mod tests {
             ),
             (demands, Facts { channels: 4, ..clip }, Some(PlayError::Channels { found: 4, expected: 3 })),
             (any, Facts { channels: 4, ..clip }, None),
-            (any, Facts { channels: 2, ..clip }, Some(PlayError::Channel { id: 11, channel: 2, channels: 2 })),
+            (
+                any,
+                Facts { channels: 2, ..clip },
+                Some(PlayError::Channel { id: 11, channel: 2, channels: 2 }),
+            ),
             (demands, Facts { names: Some(8), ..clip }, Some(PlayError::Names { found: 8, expected: 7 })),
             (demands, Facts { names: None, ..clip }, None),
             (unnamed, Facts { names: Some(8), ..clip }, None),

@@ -14,7 +14,7 @@ use heapless::Deque;
 pub const QUEUE: usize = 8;
 
 /// Time in ms in which a clip at normal speed is brought to a stop by a pause.
-const PAUSE_MILLIS: u16 = 250;
+pub(crate) const PAUSE_MILLIS: u16 = 250;
 
 /// What is to be played, and from where.
 #[derive(Clone, Copy, Debug)]

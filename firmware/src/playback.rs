@@ -161,7 +161,8 @@ impl<F: Frames, const N: usize> Playback<F, N> {
     pub fn aim(&mut self, at: u64) {
         let frames = u64::from(self.frames.frames()).max(1);
         let last = frames.saturating_sub(1);
-        let whole = if self.repeats { (at >> 16).checked_rem(frames).unwrap_or(0) } else { (at >> 16).min(last) };
+        let whole =
+            if self.repeats { (at >> 16).checked_rem(frames).unwrap_or(0) } else { (at >> 16).min(last) };
         let Some(start) = self.seek else { return };
         let aimed = whole as u32;
         if aimed < start {

@@ -86,8 +86,17 @@ mod tests {
     fn a_proof_is_the_hmac_of_the_page() {
         let key = HmacKey::new(b"0123456789abcdef").unwrap();
         let nonce: std::vec::Vec<u8> = (0..16).collect();
-        let hex = |bytes: &[u8]| bytes.iter().map(|byte| std::format!("{byte:02x}")).collect::<std::vec::Vec<_>>().concat();
-        assert_eq!(hex(&proof(&key, &nonce, 0x1234_5678)), "e1745b32dea199b2eb34262a139cb127821643a04c8bb9ff0c3f6bcd1d05ab51");
+        let hex = |bytes: &[u8]| {
+            bytes.iter().map(|byte| std::format!("{byte:02x}")).collect::<std::vec::Vec<_>>().concat()
+        };
+        assert_eq!(
+            hex(&proof(&key, &nonce, 0x1234_5678)),
+            "e1745b32dea199b2eb34262a139cb127821643a04c8bb9ff0c3f6bcd1d05ab51"
+        );
+        let page = crate::link::examples::document();
+        let spaced: std::vec::Vec<_> =
+            proof(&key, &nonce, 0x1234_5678).iter().map(|byte| std::format!("{byte:02x}")).collect();
+        assert!(page.contains(&spaced.join(" ")), "docs/LINK.md has another proof");
         assert!(is_proven(&key, &nonce, 7, &proof(&key, &nonce, 7)));
         let right = proof(&key, &nonce, 7);
         assert!(!is_proven(&key, &nonce, 8, &right));

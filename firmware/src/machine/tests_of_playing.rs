@@ -101,9 +101,7 @@ fn a_clock_that_is_far_off_is_locked_to_within_two_syncs() {
                 (0..120).for_each(|_| puppet.tick());
                 let start = frame(&puppet) + ahead;
                 let step = RATE / f64::from(HZ) * f64::from(speed) / 256.0;
-                let outside = |tick: u32| {
-                    (start + step * f64::from(tick)).rem_euclid(f64::from(FRAMES))
-                };
+                let outside = |tick: u32| (start + step * f64::from(tick)).rem_euclid(f64::from(FRAMES));
                 let mut worst = 0.0f64;
                 for tick in 0..200 {
                     if tick % every == 0 {

@@ -78,7 +78,15 @@ impl<F: MappedFlash> Store<F> {
             return Err(StoreError::Layout);
         }
         let directory = Directory::find(&flash, &layout);
-        Ok(Self { flash, layout, capacity, demands: None, directory, job: Job::Idle, page: [0xff; PAGE_BYTES] })
+        Ok(Self {
+            flash,
+            layout,
+            capacity,
+            demands: None,
+            directory,
+            job: Job::Idle,
+            page: [0xff; PAGE_BYTES],
+        })
     }
 
     /// From now on a clip that the puppet cannot play is refused at the end of its upload; before that call, none is.
