@@ -47,4 +47,5 @@ pub mod qemu;
 mod qemu_log;
 pub mod rd;
 pub mod rp2040js;
+pub mod settings;
 pub mod show;
