@@ -24,6 +24,8 @@ pub(crate) mod test_puppet;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
+mod tests_of_playing;
+#[cfg(test)]
 mod tests_off_goal;
 mod tick_output;
 

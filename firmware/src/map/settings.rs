@@ -55,14 +55,13 @@ pub struct Settings {
     /// more.
     pub channels: u16,
     /// Tenths of a degree that a servo may be from its goal without coming nearer, which is then a fault; 0: any.
-    #[serde(skip, default = "following_tenths")]
+    // Behind the rest of a map's bytes, since it came later.
+    #[serde(skip)]
     pub following_tenths: u16,
 }
 
-/// What a map has that says nothing of it.
-const fn following_tenths() -> u16 {
-    100
-}
+/// The following error of a map that says nothing of it, in tenths of a degree.
+pub(super) const FOLLOWING_TENTHS: u16 = 100;
 
 impl Settings {
     /// What a puppet has that says nothing else: two seconds to ease at a quarter of the velocity, half a second to
@@ -79,7 +78,7 @@ impl Settings {
             min_millivolts: 0,
             servo_watchdog_millis: 200,
             channels: 0,
-            following_tenths: following_tenths(),
+            following_tenths: FOLLOWING_TENTHS,
         }
     }
 

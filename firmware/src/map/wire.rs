@@ -1,8 +1,9 @@
 //! The bytes of a joint map. docs/MAP.md describes them; tests hold the page and this file together.
 //!
 //! [postcard](https://postcard.jamesmunns.com/wire-format) writes the fields of [`MapBytes`], [`Settings`], [`BusSpec`]
-//! and [`Joint`] in the order of their declaration. So that order is part of the format: a field is added at the end of
-//! [`MapBytes`] only, with a new [`VERSION`]. Choices are written as the numbers that `numbered!` gives them.
+//! and [`Joint`] in the order of their declaration. So that order is part of the format: a field is added behind
+//! [`MapBytes`] only, as the digest of the channels' names and the following error were, with a new [`VERSION`]. Choices are written as
+//! the numbers that `numbered!` gives them.
 
 use super::bus::{BusSpec, MAX_BUSES};
 use super::joint::Joint;
@@ -11,11 +12,17 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 /// Version of the bytes, the first one of them.
-pub const VERSION: u8 = 3;
+pub const VERSION: u8 = 5;
 
-/// Bytes that a map of this many joints takes at most: a joint 52, the rest 64.
+/// The first version that is read: it ends after the joints.
+pub(super) const OLDEST_VERSION: u8 = 3;
+
+/// The version that came with the names. The following error came with the one after it.
+pub(super) const NAMES_VERSION: u8 = 4;
+
+/// Bytes that a map of this many joints takes at most: a joint 52, the rest 72.
 pub const fn bytes_len(joints: usize) -> usize {
-    joints.saturating_mul(52).saturating_add(64)
+    joints.saturating_mul(52).saturating_add(72)
 }
 
 /// What the bytes of a map hold, in order.
