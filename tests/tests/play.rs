@@ -292,7 +292,12 @@ fn a_puppet_of_other_buses_is_played_on_the_host() {
     let Output { status, stderr, .. } = play.arg("--torque-off").arg("--log").arg(&log).output().unwrap();
     let said = String::from_utf8(stderr).unwrap();
     assert!(status.success(), "{said}");
-    assert!(said.contains("torque is off, but for 3 of 12 servos: servo 4 (right shoulder lift) cannot be let go"), "{said}");
+    assert!(
+        said.contains(
+            "torque is off, but for 3 of 12 servos: servo 4 (right shoulder lift) cannot be let go"
+        ),
+        "{said}"
+    );
     let log = fs::read_to_string(log).unwrap();
     for (bus, servo) in [("ax", 1), ("sts", 2), ("scs", 3), ("hobby", 4)] {
         let goals = log.lines().filter(|row| row.contains(&format!(",{bus},{servo},"))).count();

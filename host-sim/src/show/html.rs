@@ -19,7 +19,7 @@ const OWN_STYLE: &str = "\
 polyline { fill: none; stroke-width: 1.3; stroke-linejoin: round } .goal { stroke: var(--goal) } .present { stroke: var(--seen); stroke-dasharray: 4 2 }
 .error { stroke: var(--bad) } .speed { stroke: var(--bar) } .sudden { stroke: var(--seen); stroke-width: 0.8 } .left { stroke: var(--bar) } .busy { stroke: var(--seen) }
 .limit { stroke: var(--soft); stroke-dasharray: 2 4 } .mark { stroke: var(--bad); stroke-width: 1; opacity: .55 } svg text.what { fill: var(--ink); font-size: 11.5px } svg text.on { fill: var(--ink) } svg text.unit { font-size: 11px }
-.state { fill: var(--s0) } .state.Easing, .state.Returning { fill: var(--s1) } .state.Playing { fill: var(--s2) } .state.Stopping { fill: var(--s3) } .state.Holding, .state.Resting { fill: var(--s4) } .state.Limp { fill: var(--bad) }
+.state { fill: var(--s0) } .state.Easing, .state.Returning { fill: var(--s1) } .state.Playing { fill: var(--s2) } .state.Stopping { fill: var(--s3) } .state.Holding, .state.Resting { fill: var(--s4) } .state.Limp, .state.LettingGo { fill: var(--bad) }
 .made.Right { fill: var(--s2) } .made.Reckoned { fill: var(--bad) } .made.Eased { fill: var(--s3) }
 .clip0 { fill: #56b4e9 } .clip1 { fill: #e69f00 } .clip2 { fill: #009e73 } .clip3 { fill: #cc79a7 } .clip4 { fill: #9e8e00 } .latched { fill: var(--bad) } svg text.on { paint-order: stroke; stroke: var(--panel); stroke-width: 2.5px }
 .servos { display: grid; grid-template-columns: repeat(auto-fill, minmax(500px, 1fr)); gap: 10px } .servos figure { margin: 0 } .key b { font-weight: 600 } .key .g { color: var(--goal) } .key .p { color: var(--seen) }

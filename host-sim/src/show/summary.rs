@@ -250,7 +250,7 @@ fn servo(joint: &Joint, track: &Track, name: &str, hz: f64) -> ServoSummary {
 const STARTING: [&str; 3] = ["Finding", "Reading", "Arming"];
 
 fn faults(program: &Program, played: &PlayedShow, hz: f64) -> Vec<FaultSummary> {
-    let settled = |text: &str| ["Holding", "Resting", "Limp"].contains(&text);
+    let settled = |text: &str| ["Holding", "Resting", "Limp", "LettingGo"].contains(&text);
     let mut faults = Vec::new();
     for (index, note) in played.notes.iter().enumerate() {
         if note.what != NoteKind::Fault || note.text.is_empty() {

@@ -233,10 +233,10 @@ impl<L: Library> Surroundings<L, 4> for Evening<'_> {
                 self.latched.push(Latched { fault, during, at_us: now, settled_us: None });
                 self.looked_at = 1;
             }
-            // On its way home, at the pace of easing, it may be acknowledged too.
-            if let (Some(latched), State::Holding | State::Returning | State::Resting | State::Limp) =
-                (self.latched.last_mut(), state)
-            {
+            // On its way home, at the pace of easing, it may be acknowledged too; and where a servo that is not heard has still to
+            // confirm that it let go, as all others have by then.
+            let settled = [State::Holding, State::Returning, State::Resting, State::Limp, State::LettingGo];
+            if let (Some(latched), true) = (self.latched.last_mut(), settled.contains(&state)) {
                 latched.settled_us.get_or_insert(now);
                 self.looked_at += 1;
             }
