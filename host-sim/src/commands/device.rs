@@ -1,19 +1,24 @@
 //! `bunraku device`: a puppet's controller on virtual servos.
 
+use super::play::asked_to_end;
 use super::servos::{Listen, NO_PTY};
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use host_sim::device::{self, Config, Key, Listener};
 use host_sim::link::key_file;
 use host_sim::puppet::channels;
+use host_sim::puppet::joint_names::JointNames;
+use host_sim::puppet_servos;
 use puppet_file::Puppet;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::atomic::Ordering;
 
 /// Run a puppet's controller on virtual servos, in real time: the firmware's own code, with clips in a file instead of flash.
 ///
-/// Prints the port for `bunraku push`, `stream` and `monitor`, and runs until it is stopped with Ctrl-C.
+/// Prints the port for `bunraku push`, `stream` and `monitor`, and runs until it is stopped with Ctrl-C. Ends with 1 where a servo did
+/// not follow or another fault occurred, and says which.
 #[derive(clap::Args)]
 #[command(
     after_help = "Example:\n  bunraku device --puppet puppets/cmu-12.toml --skeleton 02.asf --flash puppet.flash --listen tcp:127.0.0.1:4100\n  \
@@ -53,6 +58,9 @@ pub struct Args {
     /// Time in ms without a block after which a stream that is not at its end is lost; a block may be a second of motion.
     #[arg(long, value_name = "MS", default_value_t = 2000)]
     stream_lost: u16,
+    /// What happens to the virtual servos, by seconds since the power came on, as `bunraku servos --events` takes it.
+    #[arg(long, value_name = "EVENTS.TOML")]
+    events: Option<PathBuf>,
     /// Print the port as JSON.
     #[arg(long)]
     json: bool,
@@ -80,6 +88,16 @@ pub fn run(args: Args) -> Result<ExitCode> {
         }
         eprintln!("warning: whoever reaches {port} moves the puppet and writes its clips: there is no key");
     }
+    let mut events = Vec::new();
+    for (at_us, bus, event) in
+        args.events.as_deref().map(puppet_servos::read_events).transpose()?.unwrap_or_default()
+    {
+        ensure!(
+            bus.is_none_or(|bus| puppet.bus_names().contains(&bus)),
+            "--events: the puppet has no such bus"
+        );
+        events.push((at_us, event));
+    }
     let default = Config::default();
     let config = Config {
         name: args.name,
@@ -88,6 +106,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
         idle_clip: args.idle,
         trigger_clip: args.trigger,
         stream: firmware::stream::Settings { lost_millis: args.stream_lost, ..default.stream },
+        events,
+        names: JointNames::of(&puppet, &map),
+        say: |fault| eprintln!("bunraku: {fault}"),
         key: key.map(|key| Key { lock: Box::leak(Box::new(key)), seed: seed() }),
     };
     let mut out = std::io::stdout().lock();
@@ -100,7 +121,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     out.flush()?;
     drop(out);
-    device::run_device(&map, &config, listener, &|| false)?;
+    let asked = asked_to_end()?;
+    let faults = device::run_device(&map, &config, listener, &|| asked.load(Ordering::Relaxed) > 0)?;
+    ensure!(faults.is_empty(), "the puppet had faults: {}", faults.join("; "));
     Ok(ExitCode::SUCCESS)
 }
 

@@ -5,13 +5,14 @@ mod hosts;
 pub use hosts::{GUESTS, HELLO_MILLIS, HOSTS, Hosts, Key, Listener};
 
 use crate::flash::Flash;
+use crate::puppet::joint_names::JointNames;
 use anyhow::{Context, Result, anyhow, bail};
 use decoder_core::mclip::Needs;
 use decoder_core::{I16F16, Limits};
 use firmware::clips::{Clips, DecoderMemory, Mailbox, Worker, decode};
 use firmware::control_loop::{Surroundings, control_loop};
 use firmware::device::{Device, Identity};
-use firmware::fault::Feedback;
+use firmware::fault::{Fault, Feedback};
 use firmware::link::message::DATA_BYTES;
 use firmware::machine::{Machine, Show, Start};
 use firmware::map::{BusKind, MAX_SERVOS};
@@ -25,7 +26,7 @@ use std::time::{Duration, Instant};
 use virtual_servos::config::ServoConfig;
 use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
 use virtual_servos::uart::{InProcessUart, ZeroDelay};
-use virtual_servos::virtual_bus::VirtualBus;
+use virtual_servos::virtual_bus::{Disturbance, VirtualBus};
 
 /// Bytes of a sector of the virtual flash.
 pub const SECTOR: usize = 4096;
@@ -62,6 +63,12 @@ pub struct Config {
     pub stream: Settings,
     /// What hosts have to have the key of.
     pub key: Option<Key>,
+    /// What happens to its servos, by microseconds since its power came on.
+    pub events: Vec<(u64, Disturbance)>,
+    /// What its servos are called; their ids alone where this is empty.
+    pub names: JointNames,
+    /// Is told of each fault as it is latched.
+    pub say: fn(&str),
 }
 
 impl Default for Config {
@@ -74,15 +81,23 @@ impl Default for Config {
             trigger_clip: None,
             stream: Settings { ahead_millis: 200, lost_millis: 2000, limits: Limits::MAX },
             key: None,
+            events: Vec::new(),
+            names: JointNames::default(),
+            say: |_| {},
         }
     }
 }
 
-/// Runs a device until `ended` says so.
+/// Runs a device until `ended` says so; gives the faults that it latched, each once.
 ///
 /// # Errors
 /// A sentence where the puppet has servos other than Dynamixel on one bus, or the flash's file cannot be used.
-pub fn run_device(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn() -> bool) -> Result<()> {
+pub fn run_device(
+    map: &Map,
+    config: &Config,
+    listener: Listener,
+    ended: &dyn Fn() -> bool,
+) -> Result<Vec<String>> {
     if map.buses().len() != 1 || map.buses().iter().any(|bus| bus.kind != BusKind::Dynamixel) {
         bail!("the virtual servos are Dynamixel X on one bus, and this puppet has others");
     }
@@ -95,6 +110,9 @@ pub fn run_device(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn
         servos: servos.collect(),
         ..DynamixelConfig::with_ids(&[])
     })?;
+    for (at_us, event) in &config.events {
+        servos.schedule(*at_us, *event)?;
+    }
     let power_on = Instant::now();
     let line =
         InProcessUart::new(|bytes: &[u8]| servos.receive(bytes, micros(power_on.elapsed()), &mut |_| ()));
@@ -117,9 +135,13 @@ pub fn run_device(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn
         woken: Instant::now(),
         busy: Duration::ZERO,
         late: false,
+        names: config.names.or_ids(map),
+        say: config.say,
+        fault: None,
+        faults: Vec::new(),
     };
     embassy_futures::block_on(control_loop(&mut machine, &mut bus, &mut surroundings));
-    Ok(())
+    Ok(surroundings.faults)
 }
 
 /// Memory of a device, which a board has for ever.
@@ -171,6 +193,11 @@ struct RealTime<'a> {
     woken: Instant,
     busy: Duration,
     late: bool,
+    names: JointNames,
+    say: fn(&str),
+    fault: Option<Fault>,
+    /// What was latched, each once.
+    faults: Vec<String>,
 }
 
 impl Surroundings<Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS> for RealTime<'_> {
@@ -198,6 +225,16 @@ impl Surroundings<Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS> for RealTime<'_> {
         let told = Feedback { late: self.late, ..*feedback };
         device.tick(machine, &told, millis as u32, micros(self.busy) as u32);
         hosts.serve(millis as u32, |session, bytes| device.serve(session, bytes, machine, feedback));
+        let fault = machine.fault();
+        if std::mem::replace(&mut self.fault, fault) != fault
+            && let Some(fault) = fault
+        {
+            let told = self.names.fault(fault);
+            (self.say)(&told);
+            if !self.faults.contains(&told) {
+                self.faults.push(told);
+            }
+        }
         !(self.ended)()
     }
 

@@ -4,5 +4,6 @@
 mod flash;
 mod fuzz;
 mod session;
+mod soak;
 mod virtual_device;
 mod wrong_devices;
