@@ -4,7 +4,7 @@
 #![cfg(unix)]
 
 use bunraku_tests::clock::SimulatedClock;
-use bunraku_tests::{bunraku, skip, workspace};
+use bunraku_tests::{bunraku, cases};
 use embedded_hal_async::delay::DelayNs;
 use encoder::qmd::{Method, Parameters, encode};
 use firmware::machine::State;
@@ -227,10 +227,7 @@ fn write_swing(path: &Path) {
 /// `bunraku play` on servos of Python, which share no code with ours, in real time.
 #[test]
 fn servos_that_share_no_code_with_ours_are_told_of_as_well() {
-    let cases = workspace().join("../shared/cases/servo");
-    if !cases.is_dir() {
-        return skip(&format!("{} is not there", cases.display()));
-    }
+    let Some(cases) = cases().map(|cases| cases.join("servo")) else { return };
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     write_swing(&at("swing.bvh"));
