@@ -306,5 +306,5 @@ fn hours_of_streams_monitoring_and_faults() {
         "{playing} {}",
         host.telemetry
     );
-    assert!(["Silent", "Rebooted", "NotFollowing"].iter().all(|kind| host.faults.contains_key(*kind)));
+    assert!(["Silent", "Bus", "NotFollowing"].iter().all(|kind| host.faults.contains_key(*kind)));
 }
