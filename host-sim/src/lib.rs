@@ -48,6 +48,7 @@ pub mod qemu;
 mod qemu_log;
 pub mod rd;
 pub mod rp2040js;
+pub mod settings;
 pub mod show;
 pub mod signals;
 pub mod terminal;
