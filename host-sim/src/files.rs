@@ -169,10 +169,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out.csv");
         let refused = |there: &str, part: &str| {
-            let mut outcomes = Vec::new();
-            outcomes.push(write(&path, |file| Ok(file.write_all(b"time_s,bus,servo\n")?)));
-            outcomes.push(create(&path, b"time_s,bus,servo\n").map(drop));
-            for outcome in outcomes {
+            let written = write(&path, |file| Ok(file.write_all(b"time_s,bus,servo\n")?));
+            for outcome in [written, create(&path, b"time_s,bus,servo\n").map(drop)] {
                 let said = format!("{:#}", outcome.unwrap_err());
                 assert!(said.starts_with("cannot write ") && said.contains(part), "{said}");
             }
