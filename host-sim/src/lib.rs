@@ -34,6 +34,7 @@ mod file_kind;
 pub mod files;
 pub mod filmstrip;
 pub mod flash;
+pub mod flash_file;
 pub mod image;
 pub mod link;
 pub mod live_frames;
