@@ -65,7 +65,8 @@ mod tests {
 
     #[test]
     fn what_is_outside_is_told_with_its_range() {
-        let all: [fn(&str) -> Result<f64, String>; 10] = [
+        type Parser = fn(&str) -> Result<f64, String>;
+        let all: [Parser; 10] = [
             above_zero,
             from_zero,
             recorded_rate,
