@@ -1,6 +1,6 @@
 //! What a signal asks for: an end in order where something moves, and that no temporary file stays.
 
-use anyhow::{Result, anyhow};
+use anyhow::{Context, Result, anyhow};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
@@ -11,7 +11,7 @@ static ASKED: AtomicUsize = AtomicUsize::new(0);
 /// Whether somebody looks at [`ASKED`].
 static IS_HEARD: AtomicBool = AtomicBool::new(false);
 
-/// Files that are not to stay.
+/// Files and folders that are not to stay.
 static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// The exit code of a program that was asked to end by Ctrl-C, as shells have it.
@@ -49,6 +49,30 @@ impl Temporaries {
     }
 }
 
+/// A folder among those of the system for temporary ones. It goes with what is in it, be it in the end or at a signal.
+pub(crate) struct Folder(tempfile::TempDir);
+
+impl Folder {
+    pub(crate) fn new() -> Result<Self> {
+        let mut temporaries = Temporaries::lock()?;
+        let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
+        temporaries.add(folder.path());
+        Ok(Self(folder))
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        self.0.path()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if let Ok(mut temporaries) = Temporaries::lock() {
+            temporaries.keep(self.0.path());
+        }
+    }
+}
+
 fn listen() -> Result<()> {
     static TAKEN: OnceLock<Result<(), String>> = OnceLock::new();
     let taken = TAKEN.get_or_init(|| ctrlc::set_handler(note).map_err(|error| error.to_string()));
@@ -62,6 +86,8 @@ fn note() {
     }
     let left = TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner);
     // Nobody is left to be told where one cannot be removed.
-    left.iter().for_each(|path| drop(std::fs::remove_file(path)));
+    for path in left.iter() {
+        drop(if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) });
+    }
     std::process::exit(INTERRUPTED);
 }
