@@ -1,6 +1,5 @@
 //! `bunraku device`: a puppet's controller on virtual servos.
 
-use super::play::asked_to_end;
 use super::servos::{Listen, NO_PTY};
 use anyhow::{Result, bail, ensure};
 use host_sim::device::{self, Config, Key, Listener};
@@ -8,6 +7,7 @@ use host_sim::link::key_file;
 use host_sim::puppet::channels;
 use host_sim::puppet::joint_names::JointNames;
 use host_sim::puppet_servos;
+use host_sim::signals::asked_to_end;
 use puppet_file::Puppet;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::Write;
