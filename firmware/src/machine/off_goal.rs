@@ -58,7 +58,10 @@ impl Watched {
         (self.off, self.seen) = (0, None);
     }
 
-    /// Whether a servo that is told `goal` and stands at `here` does not follow, `ticks` after this was asked last.
+    /// Whether a servo that is told `goal` and stands at `here` does not follow, `ticks` after this was asked last, where it was too far
+    /// off then or is so now.
+    #[cold]
+    #[inline(never)]
     fn is_stuck(&mut self, goal: i32, here: i32, ticks: u32, patience: u32) -> bool {
         let way = goal.saturating_sub(here);
         let is_off = way.unsigned_abs() > self.most.unsigned_abs();
@@ -82,6 +85,7 @@ impl Watched {
 
 impl<L: Library, const N: usize> Machine<'_, L, N> {
     /// Looks at one servo, the next one in the next tick.
+    #[inline]
     pub(super) fn watch_following(&mut self, feedback: &Feedback<'_>) {
         let index = self.watched;
         let servos = self.servos.len();
@@ -95,6 +99,10 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
         };
         let Some(Some(reading)) = feedback.readings.get(index) else { return };
         let Some(goal) = self.goals.get(index).map(|goal| goal.position) else { return };
+        // Most servos in most ticks.
+        if servo.watched.off == 0 && goal.abs_diff(reading.position) <= servo.watched.most.unsigned_abs() {
+            return;
+        }
         let patience = self.map.settings().ticks(FOLLOW_MILLIS);
         if servo.watched.is_stuck(goal, reading.position, servos as u32, patience) {
             self.give_up(index, goal, reading.position);
@@ -213,12 +221,9 @@ impl<L: Library, const N: usize> Machine<'_, L, N> {
         !self.any_letting_go || self.waited >= self.map.settings().ticks(LET_GO_MILLIS)
     }
 
-    /// Takes what servos have confirmed; the next one that is to let go. A servo that can be read confirms it by reading that its
+    /// Where a servo is to let go: takes what servos have confirmed; the next one that is to let go. A servo that can be read confirms it by reading that its
     /// motor is off, another one by having been reached.
     pub(super) fn let_go(&mut self, feedback: &Feedback<'_>) -> Option<Action> {
-        if !self.any_letting_go {
-            return None;
-        }
         self.waited = self.waited.saturating_add(1);
         let done = feedback.action == Some(Ok(()));
         let mut next = None;

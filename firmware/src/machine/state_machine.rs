@@ -370,7 +370,9 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
             })
         });
         drop(looked_at);
-        fallen.or(self.rearm.then_some(watchdog)).or_else(|| self.let_go(feedback))
+        fallen
+            .or(self.rearm.then_some(watchdog))
+            .or_else(|| if self.any_letting_go { self.let_go(feedback) } else { None })
     }
 
     /// Silence after which servos stop by themselves: what the map says, but more than a tick takes, since they hear something

@@ -3,6 +3,7 @@
 use super::push::Port;
 use anyhow::{Result, bail};
 use firmware::link::message::{Hello, Request, ServoInfo, Telemetry};
+use host_sim::puppet::joint_names::JointNames;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::process::ExitCode;
@@ -70,6 +71,12 @@ fn millis(cycles: u32, clock_hz: u32) -> f64 {
     f64::from(cycles) * 1e3 / f64::from(clock_hz.max(1))
 }
 
+/// The fault that is latched, with the servo's id.
+fn fault(telemetry: &Telemetry) -> Option<String> {
+    let names = JointNames::of_ids(telemetry.servos.iter().map(|servo| servo.id));
+    telemetry.fault.map(|fault| names.fault(fault))
+}
+
 /// A line for people.
 pub fn line(telemetry: &Telemetry, clock_hz: u32) -> String {
     let Telemetry { state, playing, stream, servos, .. } = telemetry;
@@ -110,7 +117,7 @@ pub fn line(telemetry: &Telemetry, clock_hz: u32) -> String {
     if let Some(error) = telemetry.bus {
         line += &format!("  BUS: {error}");
     }
-    if let Some(fault) = telemetry.fault {
+    if let Some(fault) = fault(telemetry) {
         line += &format!("  FAULT: {fault}");
     }
     line
@@ -122,7 +129,7 @@ pub fn value(telemetry: &Telemetry, clock_hz: u32) -> Value {
     json!({
         "seconds": f64::from(telemetry.millis) / 1e3,
         "state": state,
-        "fault": telemetry.fault.map(|fault| fault.to_string()),
+        "fault": fault(telemetry),
         "playing": playing,
         "speed": f64::from(telemetry.speed) / 256.0,
         "ticks": telemetry.ticks,
@@ -169,7 +176,7 @@ fn row(telemetry: &Telemetry, hello: &Hello) -> String {
     let mut values = vec![
         format!("{:.3}", f64::from(telemetry.millis) / 1e3),
         format!("{:?}", telemetry.state),
-        or_nothing(telemetry.fault.map(|fault| format!("\"{fault}\""))),
+        or_nothing(fault(telemetry).map(|fault| format!("\"{fault}\""))),
         or_nothing(playing.map(|playing| playing.clip.to_string())),
         or_nothing(playing.map(|playing| playing.frame.to_string())),
         format!("{:.3}", f64::from(telemetry.speed) / 256.0),

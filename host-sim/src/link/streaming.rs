@@ -1,6 +1,7 @@
 //! A clip block by block while it plays.
 
 use super::client::{Client, Line, LinkError};
+use crate::puppet::joint_names::JointNames;
 use anyhow::{Result, anyhow, bail};
 use decoder_core::Limits;
 use decoder_core::mclip::{Clip, PREFIX_BYTES, Prefix};
@@ -280,7 +281,8 @@ impl Streamer<'_> {
         };
         told(&telemetry);
         if let Some(fault) = telemetry.fault {
-            bail!("{} has a fault: {fault}", client.name());
+            let names = JointNames::of_ids(telemetry.servos.iter().map(|servo| servo.id));
+            bail!("{} has a fault: {}", client.name(), names.fault(fault));
         }
         let progress = telemetry.stream.map(|stream| stream.progress);
         self.room = progress.map_or(0, |progress| progress.free_blocks);

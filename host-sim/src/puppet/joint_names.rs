@@ -16,7 +16,12 @@ impl JointNames {
 
     /// Those of a map whose puppet nobody knows: ids alone.
     pub fn ids(map: &Map) -> Self {
-        Self(map.joints().iter().map(|joint| (joint.id, String::new())).collect())
+        Self::of_ids(map.joints().iter().map(|joint| joint.id))
+    }
+
+    /// Servos of whom the ids are known, in the order of their map: those that a device tells of.
+    pub fn of_ids(ids: impl IntoIterator<Item = u8>) -> Self {
+        Self(ids.into_iter().map(|id| (id, String::new())).collect())
     }
 
     /// These, or the ids of a map where there are none.
