@@ -263,7 +263,11 @@ fn a_device_says_what_clips_are_and_what_they_have_to_be() {
 #[test]
 fn received_counts_what_has_come_while_it_plays() {
     let sample = sample::clip();
-    let (map, clip) = (map("sample.toml", &sample.skeleton), encode(&sample));
+    let map = map("sample.toml", &sample.skeleton);
+    // A block is a fifth of a second: after three tenths without one the stream is lost.
+    let encoding = Encoding { block_bytes: 200, ..Encoding::new(CodecId::Dpcm) };
+    let encoder = Encoder::new(&sample.skeleton, &sample.motion).unwrap();
+    let clip = encoder.encode(&encoding, Quality::Bits(4)).unwrap();
     let parsed = Mclip::parse(&clip, Limits::MAX).unwrap();
     let blocks: Vec<_> = parsed
         .blocks()
@@ -286,6 +290,7 @@ fn received_counts_what_has_come_while_it_plays() {
         // Two thirds of a second ahead, so that there is always something to play.
         while index > 1 && (last.free_blocks == 0 || last.received > last.position + 40) {
             world.tick(None);
+            assert!(world.machine.fault().is_none() && world.ticks < 5000, "{last:?}");
             last = world.machine.library().live().progress();
             assert_eq!(last.received, sent, "{last:?}");
             let starts = blocks.iter().any(|(_, end)| *end == last.position);

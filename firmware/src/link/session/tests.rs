@@ -417,7 +417,7 @@ proptest! {
 #[test]
 fn a_locked_line_hears_who_has_the_key() {
     use crate::link::key::{HmacKey, proof};
-    let lock: &'static HmacKey = std::boxed::Box::leak(std::boxed::Box::new(HmacKey::new(&[7; 16]).unwrap()));
+    let lock: &'static HmacKey = Box::leak(Box::new(HmacKey::new(&[7; 16]).unwrap()));
     let mut session = Session::locked(lock, 3);
     let key = |number| (number, refused(Refusal::Key));
     let none = |number| (number, refused(Refusal::NoSession));
