@@ -18,6 +18,7 @@ use puppet_file::Map;
 use servo_wire::bus::ServoBus;
 use servo_wire::dynamixel::bus::DynamixelBus;
 use servo_wire::dynamixel::client::DynamixelClient;
+use servo_wire::pca9685::OSCILLATOR_HZ;
 use servo_wire::port::{Automatic, LineConfig, Port};
 use servo_wire::pwm::PwmTiming;
 use std::cell::RefCell;
@@ -113,10 +114,15 @@ pub fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
     let serial = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
     let buses = BoardBuses {
         serial: Some((BusKind::Dynamixel, serial)),
-        pca9685: Some(board.pca9685()?),
+        pca9685: Some(board.pca9685(oscillator_hz(map))?),
         pwm: of(BusKind::Pwm).map(|spec| pwm_timing(spec.baud)).transpose()?.map(|timing| board.pwm(timing)),
     };
     Ok(buses.of_map(map)?)
+}
+
+/// The hertz of the oscillator of a puppet's PCA9685.
+pub(crate) fn oscillator_hz(map: &Map) -> u32 {
+    map.buses().iter().find_map(|bus| bus.oscillator_hz()).unwrap_or(OSCILLATOR_HZ)
 }
 
 /// The timing of pins that give so many pulses a second.

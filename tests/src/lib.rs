@@ -119,6 +119,17 @@ pub fn bunraku() -> Command {
     }
 }
 
+/// The folder of small inputs that went wrong, which is no part of the project, beside [`motion`]. `None` where it is not
+/// there, which is said.
+pub fn cases() -> Option<PathBuf> {
+    let folder = motion_folder().parent()?.join("cases");
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    skip("no ../shared/cases");
+    None
+}
+
 /// A Python with the packages of tests/peers/requirements.txt: `BUNRAKU_PEERS_PYTHON`, which
 /// `cargo xtask test` sets up.
 pub fn python() -> Option<PathBuf> {

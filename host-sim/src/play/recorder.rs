@@ -95,9 +95,10 @@ impl<'m> Recorder<'m> {
     /// is told something.
     pub(crate) fn end_tick(&mut self, pins: &Pins) {
         let Self { map, recording, on_pins, looked, on_line, .. } = self;
+        let oscillator_hz = super::oscillator_hz(map);
         let pulse_us = |kind: BusKind, id: u8| match kind {
             BusKind::Pwm => pins.pwm_us(id),
-            BusKind::Pca9685 => pins.pca9685_us(id),
+            BusKind::Pca9685 => pins.pca9685_us(id, oscillator_hz),
             _ => None,
         };
         let pulses = on_pins.iter().filter_map(|&(kind, bus, id)| Some((bus, id, pulse_us(kind, id)?)));

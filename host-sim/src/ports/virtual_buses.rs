@@ -1,7 +1,7 @@
 //! The buses of a puppet with virtual servos of every kind in this program, which answer at once.
 
 use super::bus::SerialBus;
-use crate::play::pwm_timing;
+use crate::play::{oscillator_hz, pwm_timing};
 use crate::puppet_servos::ServedBus;
 use anyhow::{Context, Result, bail};
 use firmware::bus::BoardBus;
@@ -28,7 +28,7 @@ pub fn open<'a>(
     let mut buses = heapless::Vec::<_, MAX_BUSES>::new();
     for (index, (spec, served)) in (0..).zip(map.buses().iter().zip(served)) {
         let bus = match spec.kind {
-            BusKind::Pca9685 => BoardBus::Pca9685(HobbyBoard::default().pca9685()?),
+            BusKind::Pca9685 => BoardBus::Pca9685(HobbyBoard::default().pca9685(oscillator_hz(map))?),
             BusKind::Pwm => BoardBus::Pwm(HobbyBoard::default().pwm(pwm_timing(spec.baud)?)),
             kind => {
                 let mut servos = virtual_servos(map, index, served)?;
