@@ -32,6 +32,7 @@ pub mod device;
 pub mod files;
 pub mod filmstrip;
 pub mod flash;
+pub mod flash_file;
 pub mod image;
 pub mod link;
 pub mod live_frames;
