@@ -214,13 +214,15 @@ fn who(bus: &mut SerialBus, wanted: &Wanted, ids: Option<&Ids>) -> Result<Vec<Wh
             if !again || found.iter().any(|who| who.id == id) {
                 continue;
             }
+            // Whoever answers no reads still answers a ping.
+            let pinged = round + 1 == ROUNDS;
+            if pinged && !ports::block_on(bus.is_there(id)) {
+                continue;
+            }
             match ports::block_on(bus.identify(id)) {
                 Ok(identity) => found.push(Who { id, identity: Some(identity), answered: 0 }),
                 Err(BusError::Port) => return Err(failed(BusError::Port)),
-                // Whoever answers no reads still answers a ping.
-                Err(_) if round + 1 == ROUNDS && ports::block_on(bus.is_there(id)) => {
-                    found.push(Who { id, identity: None, answered: 0 });
-                }
+                Err(_) if pinged => found.push(Who { id, identity: None, answered: 0 }),
                 Err(_) => {}
             }
         }
