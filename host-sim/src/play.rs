@@ -114,15 +114,10 @@ pub fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
     let serial = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
     let buses = BoardBuses {
         serial: Some((BusKind::Dynamixel, serial)),
-        pca9685: Some(board.pca9685(oscillator_hz(map))?),
+        pca9685: Some(board.pca9685(map.oscillator_hz().unwrap_or(OSCILLATOR_HZ))?),
         pwm: of(BusKind::Pwm).map(|spec| pwm_timing(spec.baud)).transpose()?.map(|timing| board.pwm(timing)),
     };
     Ok(buses.of_map(map)?)
-}
-
-/// The hertz of the oscillator of a puppet's PCA9685.
-pub(crate) fn oscillator_hz(map: &Map) -> u32 {
-    map.buses().iter().find_map(|bus| bus.oscillator_hz()).unwrap_or(OSCILLATOR_HZ)
 }
 
 /// The timing of pins that give so many pulses a second.

@@ -1,7 +1,7 @@
 //! The buses of a puppet with virtual servos of every kind in this program, which answer at once.
 
 use super::bus::SerialBus;
-use crate::play::{oscillator_hz, pwm_timing};
+use crate::play::pwm_timing;
 use crate::puppet_servos::ServedBus;
 use anyhow::{Context, Result, bail};
 use firmware::bus::BoardBus;
@@ -9,6 +9,7 @@ use firmware::map::{BusKind, MAX_BUSES};
 use puppet_file::Map;
 use servo_wire::bus::ServoBus;
 use servo_wire::joined::JoinedBuses;
+use servo_wire::pca9685::OSCILLATOR_HZ;
 use servo_wire::port::LineConfig;
 use std::time::Duration;
 use virtual_servos::hobby::HobbyBoard;
@@ -28,7 +29,10 @@ pub fn open<'a>(
     let mut buses = heapless::Vec::<_, MAX_BUSES>::new();
     for (index, (spec, served)) in (0..).zip(map.buses().iter().zip(served)) {
         let bus = match spec.kind {
-            BusKind::Pca9685 => BoardBus::Pca9685(HobbyBoard::default().pca9685(oscillator_hz(map))?),
+            BusKind::Pca9685 => {
+                let oscillator_hz = map.oscillator_hz().unwrap_or(OSCILLATOR_HZ);
+                BoardBus::Pca9685(HobbyBoard::default().pca9685(oscillator_hz)?)
+            }
             BusKind::Pwm => BoardBus::Pwm(HobbyBoard::default().pwm(pwm_timing(spec.baud)?)),
             kind => {
                 let mut servos = virtual_servos(map, index, served)?;

@@ -59,7 +59,7 @@ impl<I: I2c, P: SetDutyCycle, const N: usize> Hobby<I, P, N> {
         let Self { i2c, pwm } = self;
         let calibrations = [Calibration::WIDE; CHANNELS];
         // The address is that which the chip comes with, and so is the oscillator unless the puppet says another one.
-        let oscillator = map.buses().iter().find_map(|bus| bus.oscillator_hz()).unwrap_or(OSCILLATOR_HZ);
+        let oscillator = map.oscillator_hz().unwrap_or(OSCILLATOR_HZ);
         let pca9685 =
             i2c.and_then(|i2c| Pca9685Bus::at(i2c, DEFAULT_ADDRESS, Delay, oscillator, calibrations).ok());
         let pwm = pwm.map(|(pins, timing)| {
