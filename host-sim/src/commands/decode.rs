@@ -1,5 +1,7 @@
 //! `bunraku decode`: a compressed clip in, motion capture out.
 
+use super::input::Length;
+use super::number::recorded_rate;
 use anyhow::{Context, Result, bail};
 use host_sim::clip::Clip;
 use host_sim::files;
@@ -28,11 +30,13 @@ pub struct Args {
     #[arg(long, value_name = "UNIT")]
     unit: Option<import::Unit>,
     /// Frames per second, where the clip does not say.
-    #[arg(long, value_name = "F")]
+    #[arg(long, value_name = "F", value_parser = recorded_rate)]
     fps: Option<f64>,
     /// Where the motion goes; its extension says the format.
     #[arg(short, long, value_name = "OUT.amc|.bvh|.csv|.glb|.json")]
     output: PathBuf,
+    #[command(flatten)]
+    length: Length,
 }
 
 /// What says which channels the decoded motion has.
@@ -51,27 +55,39 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let skeleton = args.skeleton.as_deref();
     let skeleton = skeleton.map(|path| import::read_skeleton(path, args.unit)).transpose()?;
     let bytes = files::read(&args.clip)?;
-    let mut motion = super::input::decode(&args.clip, &bytes)?;
-    let found = motion.channels;
-    let layout = match skeleton {
-        Some(skeleton) => {
-            motion = channels::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
+    let clip = Clip::headers(&args.clip, &bytes)?;
+    let (name, found) = (args.clip.display(), clip.channels());
+    let layout = match (skeleton, channels::of_clip(&clip)) {
+        (Some(skeleton), None) => {
+            channels::check_clip(&args.clip, &clip, &Channels::from(&skeleton))?;
             Layout::Skeleton(skeleton)
         }
-        None if extension == "csv" => {
-            let own = channels::of_clip(&Clip::parse(&args.clip, &bytes)?);
-            Layout::Names(own.with_context(|| {
-                format!(
-                    "{} does not name its channels: give the skeleton that it was encoded with (--skeleton)",
-                    args.clip.display()
-                )
-            })?)
+        (Some(skeleton), Some(own)) => {
+            let on_it = Channels::from(&skeleton);
+            if !own.names().any(|channel| on_it.find(channel).is_ok()) {
+                let first = own.names().next().unwrap_or_default();
+                bail!(
+                    "{name} has channels of a puppet ({first} is the first), and none of the skeleton's: it was fitted with \
+                     --puppet, and decodes to a .csv without --skeleton"
+                );
+            }
+            Layout::Skeleton(skeleton)
         }
-        None => bail!(
-            "{}: a .{extension} needs the skeleton that the clip was encoded with (--skeleton); only .csv does without",
+        (None, Some(own)) if extension == "csv" => Layout::Names(own),
+        (None, None) if extension == "csv" => bail!(
+            "{name} does not name its channels: give the skeleton that it was encoded with (--skeleton)"
+        ),
+        (None, _) => bail!(
+            "{}: a .{extension} needs the skeleton that the clip was encoded with (--skeleton); only .csv does without, \
+             which is also what a clip that was fitted to a puppet decodes to",
             args.output.display()
         ),
     };
+    clip.check_length(&args.clip, args.length.long)?;
+    let mut motion = super::input::decode(&args.clip, &bytes)?;
+    if let Layout::Skeleton(skeleton) = &layout {
+        motion = channels::on_skeleton(&args.clip, &bytes, &motion, skeleton)?;
+    }
     if let Some(fps) = args.fps {
         motion.fps = fps;
     } else if motion.fps == 0.0 {
