@@ -9,8 +9,8 @@ use host_sim::puppet::joint_names::JointNames;
 use host_sim::puppet_servos;
 use host_sim::signals::asked_to_end;
 use puppet_file::Puppet;
+use std::cell::Cell;
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
@@ -111,18 +111,22 @@ pub fn run(args: Args) -> Result<ExitCode> {
         say: |fault| eprintln!("bunraku: {fault}"),
         key: key.map(|key| Key { lock: Box::leak(Box::new(key)), seed: seed() }),
     };
-    let mut out = std::io::stdout().lock();
-    if args.json {
-        let report =
-            serde_json::json!({ "port": port, "servos": map.joints().len(), "servo_hz": map.tick_hz() });
-        writeln!(out, "{report}")?;
+    let line = if args.json {
+        serde_json::json!({ "port": port, "servos": map.joints().len(), "servo_hz": map.tick_hz() })
+            .to_string()
     } else {
-        writeln!(out, "{port}")?;
-    }
-    out.flush()?;
-    drop(out);
+        port
+    };
     let asked = asked_to_end()?;
-    let faults = device::run_device(&map, &config, listener, &|| asked.load(Ordering::Relaxed) > 0)?;
+    // Once it runs: whoever reads the port finds a device there.
+    let told = Cell::new(false);
+    let ended = || {
+        if !told.replace(true) {
+            println!("{line}");
+        }
+        asked.load(Ordering::Relaxed) > 0
+    };
+    let faults = device::run_device(&map, &config, listener, &ended)?;
     ensure!(faults.is_empty(), "the puppet had faults: {}", faults.join("; "));
     Ok(ExitCode::SUCCESS)
 }

@@ -5,5 +5,7 @@ mod flash;
 mod fuzz;
 mod session;
 mod soak;
+mod stranger;
+mod uploads;
 mod virtual_device;
 mod wrong_devices;
