@@ -176,7 +176,7 @@ mod tests {
             }
         }
         // A number below 0 is no option's name.
-        for line in [&["encode", "a.bvh", "--target-degrees", "-1"][..], &["play", "--speed", "-.5"]] {
+        for line in [&["encode", "a.bvh", "--target-degrees", "-1"][..], &["play", "--speed", "-0.5"]] {
             let line = [&["bunraku"], line].concat();
             let said = command.clone().try_get_matches_from(&line).unwrap_err().to_string();
             assert!(said.contains("expected a") && !said.contains("tip"), "{said}");
