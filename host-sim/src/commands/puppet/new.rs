@@ -72,7 +72,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let text = text(&proposal, &name);
     // What we write is read before it is there.
     Puppet::parse(&args.output, text.clone())?;
-    files::write(&args.output, |file| Ok(file.write_all(text.as_bytes())?))?;
+    files::write_over(&args.output, args.force, |file| Ok(file.write_all(text.as_bytes())?))?;
     for note in &proposal.notes {
         eprintln!("bunraku: {}: {note}", args.input.display());
     }
