@@ -1,4 +1,4 @@
-//! Import of motion capture: ASF/AMC (Acclaim), BVH (Biovision), tables (CSV), GLB, and moves as JSON.
+//! Import of motion capture: ASF/AMC (Acclaim), BVH (Biovision), tables (CSV), glTF, and moves as JSON.
 
 use std::fs;
 use std::path::Path;
@@ -22,10 +22,12 @@ mod rate;
 mod text;
 mod timed;
 pub mod unit;
+mod values;
 
 pub use error::ImportError;
 pub use imported::Imported;
 pub use unit::Unit;
+pub use values::Values;
 
 /// What the caller knows about a file.
 #[derive(Clone, Debug, Default)]
@@ -38,6 +40,8 @@ pub struct Options<'a> {
     pub fps: Option<f64>,
     /// Frames per second of a file whose rows have uneven times, as recorded moves have: there, frames are made.
     pub sampled_fps: Option<f64>,
+    /// The unit of a table's or a move's values whose names do not say it.
+    pub values: Option<Values>,
 }
 
 /// Reads a clip from an AMC or BVH file, without a word about what had to be guessed: [`read`] has it.
@@ -65,16 +69,16 @@ pub fn read(path: &Path, options: &Options) -> Result<Imported, ImportError> {
     let bytes = read_bytes(path)?;
     match kind(path, &bytes) {
         Some(Kind::Bvh) => read_bvh(&bytes, &file, options),
-        Some(Kind::Csv) => csv::parse(&bytes, &file, options.fps, options.sampled_fps),
+        Some(Kind::Csv) => csv::parse(&bytes, &file, options),
         Some(Kind::Glb) => {
-            let mut imported = glb::parse(&bytes, &file, options.fps.or(options.sampled_fps))?;
+            let mut imported = glb::parse(&bytes, &file, path.parent(), options.fps.or(options.sampled_fps))?;
             // The format says metres; who knows better may say so.
             if let Some(unit) = &options.unit {
                 unit::scale(&mut imported.clip, unit.cm / 100.0);
             }
             Ok(imported)
         }
-        Some(Kind::Json) => json::parse(&bytes, &file, options.fps, options.sampled_fps),
+        Some(Kind::Json) => json::parse(&bytes, &file, options),
         Some(Kind::Amc) => {
             text::check(&bytes, &file, "an AMC file")?;
             let Some(skeleton) = options.skeleton else { return Err(ImportError::NoSkeleton { file }) };
@@ -150,7 +154,7 @@ fn kind(path: &Path, bytes: &[u8]) -> Option<Kind> {
         Some(Kind::Bvh)
     } else if has_extension(path, "csv") {
         Some(Kind::Csv)
-    } else if has_extension(path, "glb") || bytes.starts_with(b"glTF") {
+    } else if has_extension(path, "glb") || has_extension(path, "gltf") || bytes.starts_with(b"glTF") {
         Some(Kind::Glb)
     } else if has_extension(path, "json") {
         Some(Kind::Json)
