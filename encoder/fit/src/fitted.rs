@@ -93,7 +93,9 @@ pub fn fit(plan: &Plan, clip: &Clip, smooth: bool) -> Fitted {
     let bones = recording.bones(plan, clip, &ways);
     let twist = |hinge: &Hinge| TwistReport {
         bone: clip.skeleton.joints[hinge.upper].name.clone(),
+        part: hinge.part.to_string(),
         degrees: hinge.degrees,
+        is_known: hinge.is_known,
     };
     let twists = recording.hinges.iter().map(twist).collect();
     Fitted { clip: as_clip(plan, fps, &ways), report: Report { joints, bones, twists } }
@@ -133,6 +135,10 @@ fn channels(plan: &Plan, clip: &Clip, ways: &mut [Option<Way>]) {
         }
     }
     for (index, joint) in plan.joints.iter().enumerate() {
+        if let Follows::Goals { channel, zero, scale } = joint.follows {
+            let values = clip.motion.iter().map(|pose| (pose[channel] - zero) / scale).collect();
+            ways[index] = Some(by_turns(joint, values, None, None, fps).0);
+        }
         if let (Some(channel), None) = (followed(joint), &ways[index]) {
             let values = clip.motion.iter().map(|pose| pose[channel] + joint.offset).collect();
             let period = joint.is_rotation.then_some(360.0);
@@ -233,7 +239,11 @@ impl Recording {
         let mut t_pose = TPose::of(&figure, &body);
         let joints = clip.skeleton.joints.len();
         let is_trunk = |joint| body.part(joint).is_some_and(|part| TRUNK.contains(&part));
-        let hinges = if turned.is_empty() { Vec::new() } else { hinge::hinges(clip, &body, &mut t_pose) };
+        let hinges = if turned.is_empty() {
+            Vec::new()
+        } else {
+            hinge::hinges(clip, &body, &mut t_pose, &plan.twists)
+        };
         let turn_of = |joint: usize| hinges.iter().find_map(|hinge| hinge.rotations[joint]);
         let direction = |joint| {
             let own = t_pose.direction(joint);

@@ -19,8 +19,12 @@ pub struct Report {
 pub struct TwistReport {
     /// The skeleton's joint that turns the bone.
     pub bone: String,
+    /// The part of the body that it is.
+    pub part: String,
     /// In degrees, about where the bone points.
     pub degrees: f64,
+    /// Whether it was known before; else it was found from the recording.
+    pub is_known: bool,
 }
 
 /// What a recording asks of a joint that the joint cannot do. Values are in degrees or cm.

@@ -1,20 +1,24 @@
 //! `bunraku decode`: a compressed clip in, motion capture out.
 
 use anyhow::{Context, Result, bail};
+use decoder_core::I16F16;
+use firmware::limits::FINE_BITS;
+use firmware::map::Joint;
 use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::puppet::channels;
-use mocap::Skeleton;
 use mocap::export;
-use mocap::import::{self, amc};
-use puppet_file::Channels;
-use std::path::PathBuf;
+use mocap::import::{self, GOAL, amc};
+use mocap::{Motion, Skeleton};
+use puppet_file::{Channels, Puppet};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Decode a clip into AMC, BVH, CSV, GLB, or JSON as the Blender Servo Animation add-on writes it.
 ///
 /// A clip that was made for a puppet has only some of the skeleton's channels; the others become 0. CSV needs no skeleton where
-/// the clip names its channels: it then has these alone.
+/// the clip names its channels: it then has these alone. With --puppet it has the goals of the puppet's servos, which `encode --puppet`
+/// reads again.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  bunraku decode walk.qmd --skeleton 02.asf -o walk.amc\n  \
     bunraku decode puppet.mclip -o puppet.csv")]
@@ -27,6 +31,9 @@ pub struct Args {
     /// Unit of the lengths in a BVH skeleton, as for `bunraku encode`; guessed unless given.
     #[arg(long, value_name = "UNIT")]
     unit: Option<import::Unit>,
+    /// Write what the servos of this puppet are told in each frame, within their ranges: a column NAME.goal for each joint (.csv).
+    #[arg(long, value_name = "PUPPET.toml")]
+    puppet: Option<PathBuf>,
     /// Frames per second, where the clip does not say.
     #[arg(long, value_name = "F")]
     fps: Option<f64>,
@@ -40,6 +47,8 @@ enum Layout {
     Skeleton(Skeleton),
     /// The clip itself.
     Names(Channels),
+    /// The servos of a puppet.
+    Goals(Vec<String>),
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
@@ -48,17 +57,24 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let output = args.output.display();
         bail!("{output}: found the extension {extension:?}, expected amc, bvh, csv, glb or json");
     }
+    if args.puppet.is_some() && extension != "csv" {
+        bail!("{}: goals of servos go into a .csv", args.output.display());
+    }
     let skeleton = args.skeleton.as_deref();
     let skeleton = skeleton.map(|path| import::read_skeleton(path, args.unit)).transpose()?;
     let bytes = files::read(&args.clip)?;
     let mut motion = super::input::decode(&args.clip, &bytes)?;
     let found = motion.channels;
-    let layout = match skeleton {
-        Some(skeleton) => {
+    let layout = match (skeleton, &args.puppet) {
+        (_, Some(puppet)) => {
+            let puppet = Puppet::read(puppet)?;
+            Layout::Goals(goals(&args.clip, &bytes, &puppet, args.skeleton, &mut motion)?)
+        }
+        (Some(skeleton), None) => {
             motion = channels::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
             Layout::Skeleton(skeleton)
         }
-        None if extension == "csv" => {
+        (None, None) if extension == "csv" => {
             let own = channels::of_clip(&Clip::parse(&args.clip, &bytes)?);
             Layout::Names(own.with_context(|| {
                 format!(
@@ -67,7 +83,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
                 )
             })?)
         }
-        None => bail!(
+        (None, None) => bail!(
             "{}: a .{extension} needs the skeleton that the clip was encoded with (--skeleton); only .csv does without",
             args.output.display()
         ),
@@ -80,6 +96,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let frames = motion.frames();
     files::write(&args.output, |mut file| {
         match (&layout, extension.as_str()) {
+            (Layout::Goals(names), _) => {
+                export::csv::write_named(&mut file, names.iter().map(String::as_str), &motion)
+            }
             (Layout::Names(names), _) => export::csv::write_named(&mut file, names.names(), &motion),
             (Layout::Skeleton(skeleton), "amc") => {
                 export::amc::write(&mut file, skeleton, &motion, export::amc::Rotations::Wrapped)
@@ -96,4 +115,24 @@ pub fn run(args: Args) -> Result<ExitCode> {
     })?;
     println!("{}: {frames} frames of {found} channels", args.output.display());
     Ok(ExitCode::SUCCESS)
+}
+
+/// Makes goals of a puppet's servos of a motion, and gives the columns' names: those of the joints, in the order of the map.
+fn goals(
+    path: &Path,
+    bytes: &[u8],
+    puppet: &Puppet,
+    skeleton: Option<PathBuf>,
+    motion: &mut Motion,
+) -> Result<Vec<String>> {
+    let map = puppet.map(channels::of_played(path, &Clip::parse(path, bytes)?, puppet, skeleton)?)?;
+    let joints = map.joints();
+    let goal = |pose: &[f64], joint: &Joint| {
+        let value = I16F16::saturating_from_num(pose[usize::from(joint.channel)]);
+        let fine = joint.goal(value).clamp(joint.limits().min(), joint.limits().max());
+        f64::from((fine + (1 << (FINE_BITS - 1))) >> FINE_BITS)
+    };
+    let samples = motion.iter().flat_map(|pose| joints.iter().map(move |joint| goal(pose, joint))).collect();
+    *motion = Motion { fps: motion.fps, channels: joints.len(), samples };
+    Ok(joints.iter().map(|joint| format!("{}.{GOAL}", puppet.name_of(joint))).collect())
 }

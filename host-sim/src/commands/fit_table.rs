@@ -6,7 +6,7 @@ use fit::{BoneReport, Excess, JointReport, Report};
 const FAR_OFF: f64 = 30.0;
 
 /// A turn about a limb's own length that is worth a word, in degrees.
-const TOLD: f64 = 5.0;
+pub const TOLD: f64 = 5.0;
 
 /// The table: a line for each joint that cannot do all of it, and one for each bone that turns or chains drive.
 pub fn table(report: &Report) -> String {
@@ -123,7 +123,12 @@ mod tests {
             worst: 12.3,
             at: 1.5,
         };
-        let twist = TwistReport { bone: "rhumerus".to_owned(), degrees: 31.1 };
+        let twist = TwistReport {
+            bone: "rhumerus".to_owned(),
+            part: "right upper arm".to_owned(),
+            degrees: 31.1,
+            is_known: false,
+        };
         let able = JointReport { out_of_range: None, ..joint.clone() };
         let report = Report { joints: vec![joint, able.clone()], bones: vec![bone], twists: vec![twist] };
         let text = table(&report);

@@ -27,7 +27,7 @@ mod values;
 pub use error::ImportError;
 pub use imported::Imported;
 pub use unit::Unit;
-pub use values::Values;
+pub use values::{GOAL, Values};
 
 /// What the caller knows about a file.
 #[derive(Clone, Debug, Default)]

@@ -1,11 +1,12 @@
 //! From a recording to a proposal.
 
+use super::figure::Figure;
 use super::proposal::{Joint, Proposal, Proposed, Wish};
 use super::servo::Servo;
 use super::unit::Unit;
 use anyhow::{Result, bail};
 use fit::{Bones, Fitted, Follows, Plan, Turn};
-use mocap::body::{Body, FoundBy, Part};
+use mocap::body::{Body, FoundBy, Part, goes_on_four_legs};
 use mocap::survey::Survey;
 use mocap::{Clip, Motion};
 
@@ -23,6 +24,10 @@ const BEYOND: f64 = 0.001;
 
 /// A joint that turns by less in the whole recording stands still, in degrees.
 const STILL: f64 = 1.0;
+
+/// What is said of a figure that is no person.
+pub const FOUR_LEGS: &str = "the figure goes on four legs, and parts are named as a person's: \"upper arm\", \"forearm\" and \
+    \"hand\" are those of its forelegs. Joints are at 0 where it would stand as a person in a T-pose";
 
 /// Proposes a puppet for the figure of this recording.
 ///
@@ -51,6 +56,9 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
         .collect();
     if !guessed.is_empty() {
         notes.push(format!("guessed by the figure's shape, since names do not say: {}", guessed.join(", ")));
+    }
+    if goes_on_four_legs(clip, &body) {
+        notes.push(FOUR_LEGS.to_owned());
     }
     let mut units = all;
     units.retain(|unit| wish.groups.contains(&unit.group));
@@ -91,7 +99,8 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
         units = choose(&first, units, servos, &mut notes)?;
     }
     choose_axes(clip, &body, &mut units, &servo, &mut notes);
-    let mut values = values(&fitted(clip, &body, &units, &servo)).into_iter();
+    let last = fitted(clip, &body, &units, &servo);
+    let mut values = values(&last).into_iter();
     let mut proposed = Vec::new();
     for unit in units {
         let joints = unit.axes.iter().zip(&mut values);
@@ -113,12 +122,13 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
             fast.join(", ")
         ));
     }
-    Ok(Proposal { servo, units: proposed, notes })
+    let figure = Figure::of(clip, &last.report.twists);
+    Ok(Proposal { servo, units: proposed, figure, notes })
 }
 
 /// The recording on these units, where each joint may go as far as a human's, as fast as the servo can.
 fn fitted(clip: &Clip, body: &Body, units: &[Unit], servo: &Servo) -> Fitted {
-    let mut plan = Plan { joints: Vec::new(), chains: Vec::new() };
+    let mut plan = Plan { joints: Vec::new(), chains: Vec::new(), twists: Vec::new() };
     for unit in units {
         let Some(bone) = body.joint(unit.bone) else { continue };
         let bones = Bones { bone, against: body.joint(unit.against) };
