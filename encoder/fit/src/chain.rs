@@ -62,6 +62,11 @@ impl Chain {
         2.0 * (chord / 2.0).min(1.0).asin().to_degrees()
     }
 
+    /// The angle in degrees between where the bone should point and the axis of the first joint, whichever way that points.
+    pub fn from_first_axis(&self, wanted: &Matrix) -> f64 {
+        dot(apply(wanted, self.direction), self.axes[0]).abs().min(1.0).acos().to_degrees()
+    }
+
     /// For each frame what the joints may be, in degrees.
     pub fn candidates(&self, wanted: &[Matrix]) -> Vec<Vec<Candidate>> {
         let seeds = self.seeds();

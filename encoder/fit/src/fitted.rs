@@ -4,7 +4,7 @@ use crate::chain::Chain;
 use crate::euler;
 use crate::hinge::{self, Hinge};
 use crate::plan::{Bones, Follows, Joint, Plan, Turn};
-use crate::report::{BoneReport, Excess, JointReport, Report, TwistReport, ends};
+use crate::report::{BoneReport, Excess, JointReport, Pole, Report, TwistReport, ends};
 use crate::smooth::{self, Limits};
 use crate::track::{Candidate, MOST_JOINTS, Track, Values, turned};
 use crate::twist::{Twist, twist};
@@ -391,8 +391,16 @@ impl Recording {
                 mean: 0.0,
                 worst: 0.0,
                 at: 0.0,
+                pole: None,
             };
             report.see(&angles, self.fps);
+            if members.len() == 2 && self.directions[bones.bone].is_some() {
+                let near = |wanted: &Matrix| chain.from_first_axis(wanted) < Pole::NEAR;
+                let near = wanted.iter().zip(&angles).filter(|(wanted, _)| near(wanted)).map(|(_, off)| *off);
+                let (count, worst) =
+                    near.fold((0.0, 0.0), |(count, most), off| (count + 1.0, f64::max(most, off)));
+                report.pole = Some(Pole { frames: count / angles.len().max(1) as f64, worst });
+            }
             reports.push(report);
         }
         reports

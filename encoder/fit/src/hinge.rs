@@ -221,4 +221,42 @@ mod tests {
             }
         }
     }
+
+    /// Two recordings of one figure, whose knees bend to other sides, and one pose that is in both.
+    #[test]
+    fn a_known_twist_is_the_same_in_all_recordings() {
+        let one = legs_along_one_axis(40.0, 0.0);
+        let part_of = |sideways: f64| {
+            let mut clip = legs_along_one_axis(40.0, sideways);
+            clip.motion.samples.extend(one.motion.samples.iter().copied());
+            clip
+        };
+        let knee = |clip: &Clip, twists: Vec<(usize, f64)>| {
+            let body = Body::of(&clip.skeleton);
+            let joint = |part| body.joint(part).expect("a bone");
+            let bones =
+                Bones { bone: joint(Part::Shin(Side::Left)), against: body.joint(Part::Thigh(Side::Left)) };
+            let knee = Joint {
+                name: "knee".to_owned(),
+                follows: Follows::Turns(vec![(Turn { bones, axis: [1.0, 0.0, 0.0] }, 1.0)]),
+                is_rotation: true,
+                offset: 0.0,
+                range: [-180.0, 180.0],
+                max_speed: 1000.0,
+                max_acceleration: 1e6,
+            };
+            let fitted = fit(&Plan { joints: vec![knee], chains: Vec::new(), twists }, clip, false);
+            (*fitted.clip.motion.samples.last().expect("a value"), fitted.report.twists)
+        };
+        let (first, shown) = knee(&one, Vec::new());
+        let other = part_of(30.0);
+        let (without, _) = knee(&other, Vec::new());
+        assert!((first - 40.0).abs() < 1e-6 && (first - without).abs() > 1.0, "{first} {without}");
+        let upper =
+            one.skeleton.joints.iter().position(|joint| joint.name == shown[0].bone).expect("a joint");
+        assert!(shown[0].part == "left thigh" && !shown[0].is_known);
+        let (with, told) = knee(&other, vec![(upper, shown[0].degrees)]);
+        assert!((first - with).abs() < 1e-6, "{first} {with}");
+        assert!(told.iter().any(|twist| twist.is_known && twist.degrees == shown[0].degrees));
+    }
 }

@@ -25,8 +25,14 @@ impl Figure {
         }
         let mut text = format!("[[figure]]\nbones = \"{}\"\ntwists = {{ ", self.bones);
         for (index, (part, degrees)) in self.twists.iter().enumerate() {
-            let _ = write!(text, "{}\"{part}\" = {degrees:.1}", if index == 0 { "" } else { ", " });
+            let _ =
+                write!(text, "{}\"{part}\" = {:.1}", if index == 0 { "" } else { ", " }, tenths(*degrees));
         }
         Some(text + " }\n")
     }
+}
+
+/// To a tenth, and 0 without a sign.
+fn tenths(degrees: f64) -> f64 {
+    (degrees * 10.0).round() / 10.0 + 0.0
 }

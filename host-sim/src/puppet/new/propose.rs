@@ -5,7 +5,7 @@ use super::proposal::{Joint, Proposal, Proposed, Wish};
 use super::servo::Servo;
 use super::unit::Unit;
 use anyhow::{Result, bail};
-use fit::{Bones, Fitted, Follows, Plan, Turn};
+use fit::{BoneReport, Bones, Fitted, Follows, Plan, Pole, Turn};
 use mocap::body::{Body, FoundBy, Part, goes_on_four_legs};
 use mocap::survey::Survey;
 use mocap::{Clip, Motion};
@@ -21,6 +21,9 @@ const SLOWEST: f64 = 60.0;
 
 /// Frames that may be beyond a range, of all: 0.1 %. A single wrong frame in a recording does not make a range.
 const BEYOND: f64 = 0.001;
+
+/// A bone that is further off near the axis of its first servo is told, in degrees.
+const POLE: f64 = 10.0;
 
 /// A joint that turns by less in the whole recording stands still, in degrees.
 const STILL: f64 = 1.0;
@@ -100,6 +103,7 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
     }
     choose_axes(clip, &body, &mut units, &servo, &mut notes);
     let last = fitted(clip, &body, &units, &servo);
+    notes.extend(last.report.bones.iter().filter_map(pole));
     let mut values = values(&last).into_iter();
     let mut proposed = Vec::new();
     for unit in units {
@@ -158,6 +162,20 @@ fn fitted(clip: &Clip, body: &Body, units: &[Unit], servo: &Servo) -> Fitted {
 fn values(fitted: &Fitted) -> Vec<Vec<f64>> {
     let motion = &fitted.clip.motion;
     (0..motion.channels).map(|channel| motion.iter().map(|frame| frame[channel]).collect()).collect()
+}
+
+/// What is told of a bone that two servos cannot follow where it points along the axis of the first one.
+fn pole(bone: &BoneReport) -> Option<String> {
+    let pole = bone.pole.filter(|pole| pole.worst == bone.worst && bone.worst > POLE)?;
+    Some(format!(
+        "{}: in {:.1} % of the frames {} points along the axis of the first one, to within {:.0} degrees, where two servos cannot \
+         follow: up to {:.0} degrees off. A third servo in the chain can",
+        bone.joints.join(" and "),
+        100.0 * pole.frames,
+        bone.bone,
+        Pole::NEAR,
+        bone.worst
+    ))
 }
 
 /// How far a unit's bone is from where it was recorded, in degrees: the mean over all frames.
