@@ -128,6 +128,11 @@ impl Clock {
         self.phase = 0;
     }
 
+    /// Goes to this part of the frame, in 1/65536.
+    pub const fn set_phase(&mut self, phase: u16) {
+        self.phase = ((self.tick_parts as u64).wrapping_mul(phase as u64) >> 16) as u32;
+    }
+
     /// Sets how far the clock is behind (negative: ahead of) an outside one: `frames` and `fraction` of one, in
     /// 1/65536. It then goes up to 1/16 faster or slower until that is worked off, so motion never steps.
     ///

@@ -51,6 +51,10 @@ impl<F: Frames, const C: usize> Library for DecoderList<F, C> {
         Ok(frames)
     }
 
+    fn has(&self, clip: u16) -> bool {
+        usize::from(clip) < self.clips.len()
+    }
+
     fn close(&mut self, frames: Paced<F>) {
         if let Some(place) = self.clips.get_mut(usize::from(frames.clip)) {
             *place = Some(frames);
@@ -78,6 +82,10 @@ impl<F: Frames> Frames for Paced<F> {
 
     fn rate_centihertz(&self) -> u16 {
         self.rate
+    }
+
+    fn names(&self) -> Option<u32> {
+        self.frames.names()
     }
 
     fn position(&self) -> u32 {

@@ -30,6 +30,18 @@ pub struct Identity {
     pub flash_stalls: bool,
 }
 
+/// Time in ms after the last word about it for which an upload belongs to its session alone.
+pub const UPLOAD_MILLIS: u32 = 2_000;
+
+/// Whose the store's work is.
+#[derive(Clone, Copy, Debug)]
+struct Owner {
+    /// The session, as the device counts them; 0: nobody's.
+    session: u32,
+    /// When it said something about that last.
+    heard: u32,
+}
+
 /// What the store is doing for a host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Job {
@@ -44,6 +56,9 @@ enum Job {
 pub struct Device {
     identity: Identity,
     job: Job,
+    owner: Owner,
+    /// Sessions so far.
+    sessions: u32,
     /// How the job ended.
     ended: Option<Result<(), StoreError>>,
     /// Whether flash was written in this tick.
@@ -58,7 +73,18 @@ pub struct Device {
 impl Device {
     /// A device that was turned on.
     pub const fn new(identity: Identity) -> Self {
-        Self { identity, job: Job::None, ended: None, wrote: false, millis: 0, ticks: 0, missed: 0, busy: 0 }
+        Self {
+            identity,
+            job: Job::None,
+            owner: Owner { session: 0, heard: 0 },
+            sessions: 0,
+            ended: None,
+            wrote: false,
+            millis: 0,
+            ticks: 0,
+            missed: 0,
+            busy: 0,
+        }
     }
 
     /// Once a tick, before the links are served: goes on with work on flash by a step, and looks whether the live stream has
@@ -102,7 +128,18 @@ impl Device {
     ) {
         let now = self.millis;
         session.busy(self.busy);
-        session.serve(bytes, now, |request| self.answer(request, machine).unwrap_or_else(Response::Refused));
+        let (mut open, mut id) = (session.number(), session.id);
+        session.serve(bytes, now, |request| {
+            if let Request::Hello { session, .. } = *request
+                && open != Some(session)
+            {
+                open = Some(session);
+                self.sessions = self.sessions.wrapping_add(1).max(1);
+                id = self.sessions;
+            }
+            self.answer(id, request, machine).unwrap_or_else(Response::Refused)
+        });
+        session.id = id;
         if session.lost(now) {
             let _ = machine.command(Command::LinkLost);
         }
@@ -131,6 +168,7 @@ impl Device {
 
     fn answer<F: MappedFlash, const N: usize>(
         &mut self,
+        session: u32,
         request: &Request<'_>,
         machine: &mut Machine<'_, Clips<'_, '_, F>, N>,
     ) -> Result<Response, Refusal> {
@@ -164,12 +202,35 @@ impl Device {
             | Request::Commit
             | Request::Abandon
             | Request::Remove { .. } => {
+                let demands = machine.map().demands();
                 let store = machine.library().store().ok_or(Refusal::NoStore)?;
+                store.demand(demands);
+                self.own(session, request, store.status()).map_err(Refusal::Store)?;
                 self.change(request, store).map_err(Refusal::Store)
             }
+            Request::Facts { clip } => Ok(Response::Facts(machine.library().facts(clip))),
+            Request::Demands => Ok(Response::Demands(machine.map().demands())),
             // The session's own.
-            Request::Alive | Request::Telemetry { .. } | Request::Hold { .. } => Ok(Response::Done),
+            Request::Alive | Request::Telemetry { .. } | Request::Hold { .. } | Request::Prove { .. } => {
+                Ok(Response::Done)
+            }
         }
+    }
+
+    /// Whether a session may go on with the store's work: it is its own, or nobody's any more. What was done of that is for who
+    /// begins, not for who goes on with it.
+    fn own(&mut self, session: u32, request: &Request<'_>, status: Status) -> Result<(), StoreError> {
+        if self.owner.session != session {
+            let rests = self.millis.wrapping_sub(self.owner.heard) > UPLOAD_MILLIS;
+            if status != Status::Idle && !rests {
+                return Err(StoreError::Busy);
+            }
+            if matches!(request, Request::Data { .. } | Request::Commit) {
+                return Err(StoreError::NoUpload);
+            }
+        }
+        self.owner = Owner { session, heard: self.millis };
+        Ok(())
     }
 
     /// Changes to the clips in flash. Each may be asked again and again.

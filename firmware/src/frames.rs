@@ -1,5 +1,6 @@
 //! Where frames come from.
 
+use crate::demands::{Facts, count};
 use decoder_core::{Error, I16F16, mclip, qmd};
 
 /// Where frames come from, in order.
@@ -15,6 +16,22 @@ pub trait Frames {
 
     /// Frames per second, in hundredths.
     fn rate_centihertz(&self) -> u16;
+
+    /// Digest of the channels' names ([`names_digest`](mclip::Header::names_digest)); `None` where they have none. Takes a pass over
+    /// the names.
+    fn names(&self) -> Option<u32> {
+        None
+    }
+
+    /// What the clip says of itself, as much as decides whether it can be played.
+    fn facts(&self) -> Facts {
+        Facts {
+            frames: self.frames(),
+            channels: count(self.channels()),
+            rate_centihertz: self.rate_centihertz(),
+            names: self.names(),
+        }
+    }
 
     /// Number of the frame that [`next_frame`](Self::next_frame) gives.
     fn position(&self) -> u32;
@@ -41,6 +58,10 @@ impl<F: Frames + ?Sized> Frames for &mut F {
 
     fn rate_centihertz(&self) -> u16 {
         (**self).rate_centihertz()
+    }
+
+    fn names(&self) -> Option<u32> {
+        (**self).names()
     }
 
     fn position(&self) -> u32 {
@@ -95,6 +116,10 @@ impl Frames for mclip::Decoder<'_, '_> {
 
     fn rate_centihertz(&self) -> u16 {
         self.clip().header().rate_centihertz()
+    }
+
+    fn names(&self) -> Option<u32> {
+        self.clip().header().names_digest()
     }
 
     fn position(&self) -> u32 {

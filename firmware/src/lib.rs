@@ -99,6 +99,7 @@ pub mod clock;
 mod collect;
 pub mod control_loop;
 pub mod decoder_list;
+pub mod demands;
 pub mod device;
 pub mod fault;
 pub mod follow;

@@ -17,6 +17,9 @@ pub trait Library {
     /// [`PlayError::NoClip`], or what is wrong with the clip.
     fn open(&mut self, clip: u16) -> Result<Self::Frames, PlayError>;
 
+    /// Whether there is such a clip, that plays or that does not.
+    fn has(&self, clip: u16) -> bool;
+
     /// Takes a decoder back, and the memory that it had.
     fn close(&mut self, frames: Self::Frames);
 }

@@ -3,10 +3,10 @@
 use crate::clock::Speed;
 use crate::fault::Fault;
 use crate::interpolate::{Fraction, least_jerk, lerp};
-use crate::library::Library;
+use crate::library::{LIVE, Library};
 use crate::map::JointMap;
 use crate::play_error::PlayError;
-use crate::playback::Playback;
+use crate::playback::{Playback, SEEK_FRAMES};
 use crate::show::Show;
 use heapless::Deque;
 
@@ -14,7 +14,7 @@ use heapless::Deque;
 pub const QUEUE: usize = 8;
 
 /// Time in ms in which a clip at normal speed is brought to a stop by a pause.
-const PAUSE_MILLIS: u16 = 250;
+pub(crate) const PAUSE_MILLIS: u16 = 250;
 
 /// What is to be played, and from where.
 #[derive(Clone, Copy, Debug)]
@@ -22,13 +22,15 @@ struct Cue {
     clip: u16,
     repeats: bool,
     start: u32,
+    /// Where an outside clock is that it is to follow, in 1/65536 of a frame; it is what the start becomes.
+    outside: Option<u64>,
     /// Whether it is there only until something else plays.
     idle: bool,
 }
 
 impl Cue {
     const fn of(clip: u16, repeats: bool) -> Self {
-        Self { clip, repeats, start: 0, idle: false }
+        Self { clip, repeats, start: 0, outside: None, idle: false }
     }
 }
 
@@ -37,6 +39,10 @@ struct Playing<F, const N: usize> {
     cue: Cue,
     playback: Playback<F, N>,
 }
+
+/// Frames in a tick, in 1/65536, up to which a clip is sought at the side of an outside clock: one fewer than are decoded in a
+/// tick, so that the clock is caught up with.
+const STRIDE: u64 = (SEEK_FRAMES as u64 - 1) << 16;
 
 /// The clips that play, and those that wait.
 pub struct Mixer<'m, L: Library, const N: usize> {
@@ -122,6 +128,7 @@ impl<'m, L: Library, const N: usize> Mixer<'m, L, N> {
     /// Plays a clip now, and forgets what waits.
     pub(crate) fn play(&mut self, clip: u16, repeats: bool) -> Result<(), PlayError> {
         self.cue(Cue::of(clip, repeats))?;
+        self.paused = false;
         self.queue.clear();
         self.listed = usize::MAX;
         Ok(())
@@ -129,6 +136,9 @@ impl<'m, L: Library, const N: usize> Mixer<'m, L, N> {
 
     /// Plays a clip after those that play and wait.
     pub(crate) fn queue(&mut self, clip: u16, repeats: bool) -> Result<(), PlayError> {
+        if !self.library.has(clip) {
+            return Err(PlayError::NoClip { clip });
+        }
         self.queue.push_back(Cue::of(clip, repeats)).map_err(|_| PlayError::QueueFull)?;
         if let Some(playing) = &mut self.current {
             playing.playback.end();
@@ -142,32 +152,67 @@ impl<'m, L: Library, const N: usize> Mixer<'m, L, N> {
             |playing: &Option<Playing<_, N>>| playing.as_ref().is_some_and(|playing| !playing.cue.idle);
         match self.show.trigger_clip {
             Some(clip) if !plays(&self.current) && !plays(&self.next) && self.now.is_none() => {
-                self.cue(Cue::of(clip, false)).map(|()| true)
+                self.cue(Cue::of(clip, false))?;
+                self.paused = false;
+                Ok(true)
             }
             _ => Ok(false),
         }
     }
 
-    /// Fades to another frame of the clip that plays.
+    /// Fades to another frame of the clip that plays, or of the one that it fades into.
     pub(crate) fn seek(&mut self, frame: u32) -> Result<(), PlayError> {
-        match self.next.as_ref().or(self.current.as_ref()) {
-            Some(playing) => self.cue(Cue { start: frame, ..playing.cue }),
-            None => Ok(()),
-        }
+        let cue = self.cue_at(frame)?;
+        self.cue(cue)
     }
 
-    /// Comes to where an outside clock is: little by little, or by a seek where that is too far.
+    /// The clip that is sought in, from this frame on.
+    fn cue_at(&self, frame: u32) -> Result<Cue, PlayError> {
+        let playing = self.next.as_ref().or(self.current.as_ref()).ok_or(PlayError::Nothing)?;
+        if playing.cue.clip == LIVE {
+            return Err(PlayError::Stream);
+        }
+        let frames = playing.playback.frames();
+        if frame >= frames {
+            return Err(PlayError::Beyond { frame, frames });
+        }
+        Ok(Cue { start: frame, outside: None, ..playing.cue })
+    }
+
+    /// Comes to where an outside clock is in this tick: little by little, or by a fade where that is too far. The fade begins as
+    /// soon as the frame is decoded at which the clock is then.
     pub(crate) fn sync(&mut self, frame: u32, fraction: u16) -> Result<(), PlayError> {
-        match &mut self.current {
-            Some(playing) if self.next.is_none() && self.now.is_none() => {
-                if playing.playback.follow(frame, fraction) { Ok(()) } else { self.seek(frame) }
-            }
-            _ => Ok(()),
+        let at = u64::from(frame) << 16 | u64::from(fraction);
+        let place = if self.next.is_some() { &mut self.next } else { &mut self.current };
+        let Some(playing) = place else { return Err(PlayError::Nothing) };
+        // What is still sought is only told where the clock is now, so that frequent words do not begin it again and again.
+        let sought = self.faded.is_none() && playing.cue.outside.is_some();
+        if playing.cue.clip != LIVE && frame >= playing.playback.frames() {
+            return Err(PlayError::Beyond { frame, frames: playing.playback.frames() });
         }
+        if sought && playing.cue.start <= frame {
+            playing.cue.outside = Some(at);
+            return Ok(());
+        }
+        if playing.playback.follow(frame, fraction) {
+            return Ok(());
+        }
+        let cue = self.cue_at(frame)?;
+        self.cue(Cue { outside: Some(at), ..cue })
     }
 
-    pub(crate) const fn pause(&mut self) {
+    /// Whether somebody has paused what plays.
+    pub const fn is_paused(&self) -> bool {
+        self.paused
+    }
+
+    /// Pauses what plays, or is to play.
+    pub(crate) fn pause(&mut self) -> Result<(), PlayError> {
+        if self.current.is_none() && self.now.is_none() && self.queue.is_empty() {
+            return Err(PlayError::Nothing);
+        }
         self.paused = true;
+        Ok(())
     }
 
     pub(crate) const fn resume(&mut self) {
@@ -223,10 +268,18 @@ impl<'m, L: Library, const N: usize> Mixer<'m, L, N> {
                     let ticks = self.map.settings().fade_ticks();
                     self.mix = least_jerk(Fraction::of((*faded).min(ticks), ticks.saturating_add(1)));
                 }
-                None if next.playback.seek(self.map).map_err(damaged)? => {
-                    (self.faded, self.mix) = (Some(0), Fraction::START);
+                None => {
+                    if let Some(at) = &mut next.cue.outside {
+                        // Of faster clips nothing would ever be caught up with.
+                        let stride = next.playback.stride(self.map, self.speed);
+                        *at = at.saturating_add(if stride <= STRIDE { stride } else { 0 });
+                        next.playback.aim(*at);
+                    }
+                    if next.playback.seek(self.map).map_err(damaged)? {
+                        next.cue.outside = None;
+                        (self.faded, self.mix) = (Some(0), Fraction::START);
+                    }
                 }
-                None => {}
             }
             if self.faded.is_some_and(|faded| faded > self.map.settings().fade_ticks()) {
                 let last = core::mem::replace(&mut self.current, self.next.take());

@@ -47,7 +47,29 @@ pub enum PlayError {
         /// Ticks per second of the puppet.
         tick_hz: u16,
     },
+    /// The clip has as many channels as the map was made for, and other ones.
+    Names {
+        /// Digest of the names that the clip has.
+        found: u32,
+        /// Digest of those that the map was made for.
+        expected: u32,
+    },
+    /// The clip ends before this frame.
+    Beyond {
+        /// The frame.
+        frame: u32,
+        /// Frames of the clip.
+        frames: u32,
+    },
+    /// A live stream cannot be sought in: it has no way back, and what is ahead has not come.
+    Stream,
+    /// No clip plays.
+    Nothing,
 }
+
+/// What to do about a clip of other channels.
+const MEND: &str = "; encode the clip for this puppet (bunraku encode --puppet), or give the device the map of the \
+                    clip's skeleton";
 
 impl fmt::Display for PlayError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -74,9 +96,19 @@ impl fmt::Display for PlayError {
             Self::Channels { found, expected } => {
                 write!(
                     f,
-                    "the clip has {found} channels, expected {expected}, which the joint map was made for"
+                    "the clip has {found} channels, expected {expected}, which the joint map was made for{MEND}"
                 )
             }
+            Self::Names { found, expected } => write!(
+                f,
+                "the clip's channels have other names than those that the joint map was made for (digest {found:08x}, \
+                 expected {expected:08x}){MEND}"
+            ),
+            Self::Beyond { frame, frames } => {
+                write!(f, "there is no frame {frame}: the clip has {frames} frames, from 0")
+            }
+            Self::Stream => f.write_str("a live stream cannot be sought in; it is where its packets are"),
+            Self::Nothing => f.write_str("no clip plays"),
         }
     }
 }

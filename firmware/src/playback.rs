@@ -1,6 +1,6 @@
 //! A clip that plays: frames out of a decoder, in time, interpolated to the tick.
 
-use crate::clock::{Clock, Speed, keeps_up};
+use crate::clock::{Clock, Speed};
 use crate::collect::collect;
 use crate::frames::Frames;
 use crate::interpolate::{Fraction, catmull_rom, lerp};
@@ -38,19 +38,11 @@ impl<F: Frames, const N: usize> Playback<F, N> {
     /// # Errors
     /// [`PlayError`] where the clip does not fit the map, with the frames.
     pub fn new(mut frames: F, map: &JointMap<N>, repeats: bool, start: u32) -> Result<Self, (PlayError, F)> {
-        if frames.rate_centihertz() == 0 {
-            return Err((PlayError::Rate, frames));
-        }
-        let (rate_centihertz, tick_hz) = (frames.rate_centihertz(), map.tick_hz());
-        if !keeps_up(rate_centihertz, tick_hz) {
-            return Err((PlayError::TooFast { rate_centihertz, tick_hz }, frames));
-        }
-        if let Err(error) = map.check_channels(frames.channels()) {
+        let facts = frames.facts();
+        if let Err(error) = map.demands().check(&facts) {
             return Err((error, frames));
         }
-        let Some(last) = frames.frames().checked_sub(1) else {
-            return Err((PlayError::NoFrames, frames));
-        };
+        let last = facts.frames.saturating_sub(1);
         let start = start.min(last);
         // The curve at a frame depends on the one before it.
         frames.approach(start.saturating_sub(1));
@@ -163,6 +155,34 @@ impl<F: Frames, const N: usize> Playback<F, N> {
     /// Frames per second of the clip, in hundredths.
     pub fn rate_centihertz(&self) -> u16 {
         self.frames.rate_centihertz()
+    }
+
+    /// Moves the start, before it is reached, to where an outside clock is, in 1/65536 of a frame.
+    pub fn aim(&mut self, at: u64) {
+        let frames = u64::from(self.frames.frames()).max(1);
+        let last = frames.saturating_sub(1);
+        let whole =
+            if self.repeats { (at >> 16).checked_rem(frames).unwrap_or(0) } else { (at >> 16).min(last) };
+        let Some(start) = self.seek else { return };
+        let aimed = whole as u32;
+        if aimed < start {
+            self.frames.approach(aimed.saturating_sub(1));
+        }
+        (self.seek, self.frame) = (Some(aimed), aimed);
+        // The last frame of a clip that ends is its end: there is no part of a next one.
+        self.clock.set_phase(if whole == last && !self.repeats { 0 } else { at as u16 });
+        self.fraction = self.clock.fraction();
+    }
+
+    /// Frames that go by in a tick, in 1/65536.
+    pub fn stride(&self, map: &JointMap<N>, speed: Speed) -> u64 {
+        let parts = u64::from(self.rate_centihertz()).saturating_mul(speed.parts().into()) << 16;
+        parts.checked_div(u64::from(map.tick_hz()).saturating_mul(100 * 256)).unwrap_or(0)
+    }
+
+    /// Frames of the clip.
+    pub fn frames(&self) -> u32 {
+        self.frames.frames()
     }
 
     /// Gives the decoder back.

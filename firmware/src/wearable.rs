@@ -3,8 +3,9 @@
 //! A tick decodes the frames that went by, takes the last one to the outputs' units and ranges, and that is all: nothing eases,
 //! nothing limits a speed, nobody answers. What may not jump, a servo above all, needs a [`Machine`](crate::machine::Machine).
 
-use crate::clock::{Clock, Speed, keeps_up};
+use crate::clock::{Clock, Speed};
 use crate::collect::collect;
+use crate::demands::Demands;
 use crate::frames::Frames;
 use crate::limits::{FINE_BITS, clamp};
 use crate::map::{Joint, JointMap};
@@ -30,17 +31,9 @@ impl<'m, F: Frames, const N: usize> Wearable<'m, F, N> {
     /// # Errors
     /// Where the clip has no rate, no frames, more frames a second than ticks can decode, or not the channels that the map follows.
     pub fn new(mut frames: F, map: &'m JointMap<N>, hz: u16) -> Result<Self, PlayError> {
-        let rate = frames.rate_centihertz();
-        if rate == 0 {
-            return Err(PlayError::Rate);
-        }
-        if !keeps_up(rate, hz) {
-            return Err(PlayError::TooFast { rate_centihertz: rate, tick_hz: hz });
-        }
-        map.check_channels(frames.channels())?;
-        if frames.frames() == 0 {
-            return Err(PlayError::NoFrames);
-        }
+        let facts = frames.facts();
+        Demands { tick_hz: hz, ..map.demands() }.check(&facts)?;
+        let rate = facts.rate_centihertz;
         frames.approach(0);
         let levels = collect(map.joints().iter().map(|joint| joint.home));
         Ok(Self { frames, map, clock: Clock::new(rate, hz), due: 1, levels })

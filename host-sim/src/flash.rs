@@ -3,12 +3,14 @@
 //! As strict as [`NorFlash`] allows: a word that was written is not written again before a whole erase, and after a cut the
 //! words that were being written, or the sector that was being erased, hold what [`Tear`] says.
 
+use crate::flash_file;
+use anyhow::Context;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
 use firmware::store::{Lease, Leases, MappedFlash};
-use std::fs::{File, OpenOptions};
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::fs::File;
+use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
 /// Bytes of a word.
@@ -76,18 +78,22 @@ impl<const SECTOR: usize> Flash<SECTOR> {
         Self { bytes, written, file: None, operations: 0, erases, cut: None, dead: false, leases }
     }
 
-    /// Flash of so many sectors that is kept in a file. Every operation writes through.
+    /// Flash of so many sectors that is kept in a file ([`flash_file`]). Every operation writes through.
     ///
     /// # Errors
-    /// Where the file cannot be read or written.
-    pub fn open(path: &Path, sectors: usize) -> std::io::Result<Self> {
-        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
-        let mut bytes = Vec::new();
-        file.read_to_end(&mut bytes)?;
-        bytes.resize(sectors * SECTOR, 0xff);
-        file.rewind()?;
-        file.write_all(&bytes)?;
-        Ok(Self { file: Some(file), ..Self::from_image(bytes) })
+    /// As [`flash_file::open`], and where the file cannot be written.
+    pub fn open(path: &Path, sectors: usize) -> anyhow::Result<Self> {
+        let (file, bytes) = flash_file::open(path, sectors, SECTOR)?;
+        let mut flash = Self { file: Some(file), ..Self::from_image(bytes) };
+        flash.write_through(0, sectors * SECTOR).context("cannot write the flash's file")?;
+        Ok(flash)
+    }
+
+    /// Writes a range of bytes to the file.
+    fn write_through(&mut self, from: usize, to: usize) -> std::io::Result<()> {
+        let Some(file) = &mut self.file else { return Ok(()) };
+        file.seek(SeekFrom::Start(from as u64))?;
+        file.write_all(&self.bytes[from..to])
     }
 
     /// All bytes.
@@ -164,11 +170,7 @@ impl<const SECTOR: usize> Flash<SECTOR> {
         if erases {
             self.erases[at / SECTOR] += 1;
         }
-        if let Some(file) = &mut self.file {
-            let written =
-                file.seek(SeekFrom::Start(at as u64)).and_then(|_| file.write_all(&self.bytes[at..end]));
-            written.map_err(|_| NorFlashErrorKind::Other)?;
-        }
+        self.write_through(at, end).map_err(|_| NorFlashErrorKind::Other)?;
         if self.dead { Err(NorFlashErrorKind::Other) } else { Ok(()) }
     }
 }

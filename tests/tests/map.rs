@@ -106,7 +106,8 @@ fn example() -> Map {
     };
     let jaw = Joint { channel: 130, bus: 1, id: 15, zero: 1500, home: 1500, min: 500, max: 2500, ..elbow };
     let joints = [elbow, jaw];
-    JointMap::new(settings, buses.into_iter().collect(), joints.into_iter().collect()).unwrap()
+    let map = JointMap::new(settings, buses.into_iter().collect(), joints.into_iter().collect()).unwrap();
+    map.with_names(0xcafe_1234)
 }
 
 /// Names of the fields, their types, and their values in the example; `None` for a value with parts.
@@ -147,6 +148,7 @@ fn fields(map: &Map) -> Vec<(&'static str, &'static str, i64)> {
             ("gaze", "signed", joint.idle.gaze.into()),
         ]);
     }
+    fields.push(("names", "unsigned", map.names().into()));
     fields
 }
 
@@ -182,7 +184,11 @@ fn the_pages_example_is_what_the_code_writes() {
     let page = fs::read_to_string(workspace().join("docs/MAP.md")).unwrap();
     assert!(page.contains(&table), "the example of docs/MAP.md is not this one:\n{table}");
     assert!(page.contains(&format!("{} bytes", bytes.len())), "the example has {} bytes", bytes.len());
-    assert_eq!(fs::read(maps().join("example.map")).unwrap(), bytes);
+    assert_eq!(fs::read(maps().join("example-4.map")).unwrap(), bytes);
+    // The version before, whose bytes stay readable, had no names.
+    let before = fs::read(maps().join("example.map")).unwrap();
+    assert_eq!(Map::parse(&before), Ok(map.clone().with_names(0)));
+    assert!(Map::parse(&[&before[..], &[0]].concat()).is_err(), "nothing follows a map of version 3");
     assert_eq!(Map::parse(&bytes), Ok(map));
 }
 
@@ -191,8 +197,8 @@ fn the_pages_example_is_what_the_code_writes() {
 fn the_pages_fields_are_those_of_the_code() {
     let of = |heading| rows(heading).into_iter().filter(|row| row[0] != "…").collect::<Vec<_>>();
     let (map, bus, joint) = (of("## The map"), of("### A bus"), of("### A joint"));
-    let (last, settings) = map.split_last().unwrap();
-    let page = [settings, &bus, &bus, std::slice::from_ref(last), &joint, &joint].concat();
+    let (settings, last) = map.split_at(map.len() - 2);
+    let page = [settings, &bus, &bus, &last[..1], &joint, &joint, &last[1..]].concat();
     let page: Vec<_> = page.iter().map(|row| (row[0].as_str(), row[1].as_str())).collect();
     let example = example();
     let code: Vec<_> = fields(&example).into_iter().map(|(name, kind, _)| (name, kind)).collect();
@@ -204,9 +210,14 @@ fn the_pages_fields_are_those_of_the_code() {
 fn puppets_keep_their_bytes() {
     for name in ["sample", "hobby", "sample-buses"] {
         let puppet = Puppet::read(&workspace().join("puppets").join(format!("{name}.toml"))).unwrap();
-        let bytes = puppet.map_bytes(&mocap::sample::clip().skeleton).unwrap();
+        let map = puppet.map(&mocap::sample::clip().skeleton).unwrap();
         let golden = maps().join(format!("{name}.map"));
-        assert_eq!(bytes, fs::read(&golden).unwrap(), "{}", golden.display());
+        let before = fs::read(&golden).unwrap();
+        // The golden maps are of version 3; version 4 has the names behind all of that.
+        assert_eq!(map.names(), 0x07f8_8633, "the digest of the sample's names");
+        let now = [&[VERSION][..], &before[1..], &written("unsigned", map.names().into())].concat();
+        assert_eq!(to_bytes(&map), now, "{}", golden.display());
+        assert_eq!(Map::parse(&before), Ok(map.with_names(0)), "{}", golden.display());
     }
 }
 

@@ -1,7 +1,7 @@
 //! The header of a clip, checked, and what follows from it.
 
 use super::bounds::BlockBounds;
-use super::fields::{CHECKSUM_BYTES, HeaderFields, PREFIX_BYTES, Prefix, checksum};
+use super::fields::{CHECKSUM_BYTES, HeaderFields, PREFIX_BYTES, Prefix, checksum, digest};
 use super::postcard::Cursor;
 use super::record::Records;
 use crate::codec::contract::Shape;
@@ -127,6 +127,26 @@ impl<'a> Header<'a> {
     /// The channels, in the order of a frame.
     pub fn channels(&self) -> Records<'a> {
         self.records_at(0, 0)
+    }
+
+    /// The CRC-32 of the channels' names, each with a line feed behind it: of `root.ty\nrradius.rx\n`. `None` of a clip that
+    /// names no joints.
+    ///
+    /// Reads all records and names once.
+    pub fn names_digest(&self) -> Option<u32> {
+        if self.fields.names.is_empty() {
+            return None;
+        }
+        let mut digest = digest();
+        for channel in self.channels() {
+            if !channel.joint.is_empty() {
+                digest.update(channel.joint.as_bytes());
+                digest.update(b".");
+            }
+            digest.update(channel.kind.name().as_bytes());
+            digest.update(b"\n");
+        }
+        Some(digest.finalize())
     }
 
     fn records_at(&self, records_end: usize, names_end: usize) -> Records<'a> {

@@ -1,6 +1,7 @@
 //! Clips in flash, linked in, and streamed, as one library.
 
 use super::worker::Worker;
+use crate::demands::Facts;
 use crate::frames::Frames;
 use crate::library::{LIVE, Library};
 use crate::play_error::PlayError;
@@ -33,6 +34,13 @@ impl<'t, 's, F: MappedFlash> Clips<'t, 's, F> {
     /// The clips linked into the image.
     pub const fn linked(&self) -> &'t [&'static [u8]] {
         self.linked
+    }
+
+    /// What a clip says of itself; `None` where there is none of that number, and of the live stream. Reads its header.
+    pub fn facts(&self, clip: u16) -> Option<Facts> {
+        let stored = self.store.as_ref().and_then(|store| store.get(clip));
+        let bytes = stored.or_else(|| self.linked.get(usize::from(clip)).copied())?;
+        Facts::of(bytes).ok()
     }
 
     /// The clips in flash.
@@ -89,6 +97,14 @@ impl<'t, 's, F: MappedFlash> Library for Clips<'t, 's, F> {
         }
     }
 
+    fn has(&self, clip: u16) -> bool {
+        if clip == LIVE {
+            return self.live.rate_centihertz() > 0;
+        }
+        let stored = self.store.as_ref().is_some_and(|store| store.entry(clip).is_some());
+        stored || self.linked.get(usize::from(clip)).is_some()
+    }
+
     fn close(&mut self, clip: OpenClip<'t, 's>) {
         let OpenClip { mut worker } = clip;
         let lease = worker.close();
@@ -113,6 +129,10 @@ impl Frames for OpenClip<'_, '_> {
 
     fn rate_centihertz(&self) -> u16 {
         self.worker.rate_centihertz()
+    }
+
+    fn names(&self) -> Option<u32> {
+        self.worker.names()
     }
 
     fn position(&self) -> u32 {

@@ -37,6 +37,10 @@ impl<'t, 's, L: Library> Library for WithLive<'t, 's, L> {
         }
     }
 
+    fn has(&self, clip: u16) -> bool {
+        clip == LIVE || self.clips.has(clip)
+    }
+
     fn close(&mut self, frames: Self::Frames) {
         match frames {
             ClipOrLive::Clip(frames) => self.clips.close(frames),
@@ -75,6 +79,13 @@ impl<F: Frames> Frames for ClipOrLive<'_, '_, F> {
         match self {
             Self::Clip(frames) => frames.rate_centihertz(),
             Self::Live(worker) => worker.rate_centihertz(),
+        }
+    }
+
+    fn names(&self) -> Option<u32> {
+        match self {
+            Self::Clip(frames) => frames.names(),
+            Self::Live(worker) => worker.names(),
         }
     }
 

@@ -33,20 +33,23 @@ struct Answer {
     channels: usize,
     frames: u32,
     rate_centihertz: u16,
+    names: Option<u32>,
     position: u32,
 }
 
 impl Answer {
     const fn none(result: Result<bool, PlayError>) -> Self {
-        Self { result, channels: 0, frames: 0, rate_centihertz: 0, position: 0 }
+        Self { result, channels: 0, frames: 0, rate_centihertz: 0, names: None, position: 0 }
     }
 
-    fn of<F: Frames>(frames: &F, result: Result<bool, PlayError>) -> Self {
+    /// `names` were asked for when the clip was opened: to read them again with each frame would take too long.
+    fn of<F: Frames>(frames: &F, names: Option<u32>, result: Result<bool, PlayError>) -> Self {
         Self {
             result,
             channels: frames.channels(),
             frames: frames.frames(),
             rate_centihertz: frames.rate_centihertz(),
+            names,
             position: frames.position(),
         }
     }
@@ -179,9 +182,9 @@ async fn serve_clip<const C: usize, const W: usize, const H: usize, const E: usi
 
 /// Gives the frames of a clip until it is closed.
 async fn serve<F: Frames>(mailbox: &Mailbox<'_>, mut frames: F) -> Result<(), PlayError> {
-    let mut result = Ok(false);
+    let (mut result, names) = (Ok(false), frames.names());
     loop {
-        mailbox.answer.set(Answer::of(&frames, result));
+        mailbox.answer.set(Answer::of(&frames, names, result));
         result = match mailbox.request().await {
             Request::Next => mailbox.deliver(&mut frames),
             Request::Approach(frame) => {
@@ -264,6 +267,10 @@ impl Frames for Worker<'_, '_> {
 
     fn rate_centihertz(&self) -> u16 {
         self.answer.rate_centihertz
+    }
+
+    fn names(&self) -> Option<u32> {
+        self.answer.names
     }
 
     fn position(&self) -> u32 {

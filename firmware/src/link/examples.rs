@@ -8,6 +8,7 @@ use super::message::{
 use super::wire::Encode;
 use crate::clips::LIVE;
 use crate::clock::Speed;
+use crate::demands::{Demands, Facts};
 use crate::fault::Fault;
 use crate::machine::{Command, State};
 use crate::stream::{Counters, Progress};
@@ -53,6 +54,9 @@ fn requests(table: &mut String) {
         ("home", Request::Command(Command::Home)),
         ("trigger", Request::Command(Command::Trigger)),
         ("link lost", Request::Command(Command::LinkLost)),
+        ("prove", Request::Prove { proof: &[7; 32] }),
+        ("facts of clip 3", Request::Facts { clip: 3 }),
+        ("demands", Request::Demands),
     ];
     for (number, (what, request)) in (1..).zip(&requests) {
         line(table, what, number * 10, request);
@@ -80,6 +84,9 @@ fn answers(table: &mut String) {
     };
     let progress = Progress { position: 60, received: 300, frames: 2251, free_blocks: 2, blocks: 7 };
     let stream = Streaming { progress, counters: Counters { played: 60, ..Counters::default() } };
+    let facts = Facts { frames: 2251, channels: 62, rate_centihertz: 12_000, names: Some(0x0102_0304) };
+    let demands =
+        Demands { channels: 62, names: 0x0102_0304, furthest_channel: 60, furthest_id: 12, tick_hz: 50 };
     let responses = [
         ("hello", Response::Hello(hello)),
         ("done", Response::Done),
@@ -89,6 +96,10 @@ fn answers(table: &mut String) {
         ("clip 3, \"walk\"", Response::Clip(Some(clip))),
         ("no more clips", Response::Clip(None)),
         ("stream", Response::Stream(stream)),
+        ("challenge", Response::Challenge { nonce: (0..16).collect() }),
+        ("facts of a clip", Response::Facts(Some(facts))),
+        ("no such clip", Response::Facts(None)),
+        ("demands", Response::Demands(demands)),
     ];
     for (number, (what, response)) in (1..).zip(responses) {
         line(table, what, number * 10, &Answer::Response(response));

@@ -4,6 +4,8 @@
 //! Every length is bounded by what holds the message: a text or slice of a request lies in the frame that brought it, and
 //! all others are of `heapless`.
 
+use super::key::Nonce;
+use crate::demands::{Demands, Facts};
 use crate::fault::Fault;
 use crate::machine::{Command, State};
 use crate::map::MAX_SERVOS;
@@ -105,6 +107,18 @@ pub enum Request<'a> {
         /// The bytes.
         bytes: &'a [u8],
     },
+    /// That the host has the key: see [`key`](super::key). Answered with [`Response::Hello`].
+    Prove {
+        /// What follows from key, challenge and session.
+        proof: &'a [u8],
+    },
+    /// What a clip says of itself. Answered with [`Response::Facts`].
+    Facts {
+        /// Its number.
+        clip: u16,
+    },
+    /// What the puppet asks of clips. Answered with [`Response::Demands`].
+    Demands,
 }
 
 /// What a device says.
@@ -137,6 +151,15 @@ pub enum Response {
     Clip(Option<ClipInfo>),
     /// How streaming goes.
     Stream(Streaming),
+    /// Instead of a hello, on a line that needs a key: prove that you have it.
+    Challenge {
+        /// What the proof is to be about.
+        nonce: Nonce,
+    },
+    /// What a clip says of itself; none where there is no such clip in flash or firmware.
+    Facts(Option<Facts>),
+    /// What the puppet asks of clips.
+    Demands(Demands),
 }
 
 /// Who a device is.
@@ -280,6 +303,13 @@ pub enum Refusal {
     Stream(StreamError),
     /// It has no flash for clips.
     NoStore,
+    /// The line needs a key, and the proof is wrong or was not asked for.
+    Key,
+    /// As many hosts as there are places for have sessions; of others only a stop is taken.
+    Full {
+        /// Places.
+        hosts: u8,
+    },
     /// [`Command::LinkLost`] and the clip [`LIVE`](crate::clips::LIVE) are the device's own.
     Reserved,
 }
@@ -297,6 +327,13 @@ impl fmt::Display for Refusal {
             Self::Store(error) => error.fmt(f),
             Self::Stream(error) => error.fmt(f),
             Self::NoStore => f.write_str("the device has no flash for clips"),
+            Self::Key => f.write_str("the key is not the device's"),
+            Self::Full { hosts } => write!(
+                f,
+                "{hosts} hosts are connected already, and of others the device only takes a stop; end one of them, or wait: \
+                 one that says nothing and hears nothing is let go after {} s",
+                super::session::IDLE_MILLIS / 1000
+            ),
             Self::Reserved => f.write_str("this command or clip number is the device's own"),
         }
     }

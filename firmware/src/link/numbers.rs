@@ -5,6 +5,7 @@
 
 use super::clip_error::{ClipError, FIELDS};
 use super::cobs_writer::CobsWriter;
+use super::key::Nonce;
 use super::message::{
     Answer, ClipInfo, Event, Hello, LinkCounts, Playing, Refusal, Request, Response, ServoInfo, Streaming,
     Telemetry,
@@ -13,6 +14,7 @@ use super::wire::{Decode, Encode, wire_enum, wire_struct};
 #[cfg(test)]
 use super::wire::{Described, Row};
 use crate::clock::Speed;
+use crate::demands::{Demands, Facts};
 use crate::fault::Fault;
 use crate::machine::{Command, State};
 use crate::map::MAX_SERVOS;
@@ -40,6 +42,9 @@ wire_enum! { Request<'b> {
     11 Stream { bytes: u32 },
     12 Header { offset: u32, bytes: &'b [u8] },
     13 Packet { bytes: &'b [u8] },
+    14 Prove { proof: &'b [u8] },
+    15 Facts { clip: u16 },
+    16 Demands,
 }}
 
 wire_enum! { Command {
@@ -70,7 +75,14 @@ wire_enum! { Response {
     4 Upload { next: u32 },
     5 Clip(clip: Option<ClipInfo>),
     6 Stream(streaming: Streaming),
+    7 Challenge { nonce: Nonce },
+    8 Facts(facts: Option<Facts>),
+    9 Demands(demands: Demands),
 }}
+
+wire_struct! { Facts { frames: u32, channels: u32, rate_centihertz: u16, names: Option<u32> }}
+
+wire_struct! { Demands { channels: u16, names: u32, furthest_channel: u16, furthest_id: u8, tick_hz: u16 }}
 
 wire_struct! { Hello {
     version: u8, firmware: String<16>, name: Name, servos: u8, tick_hz: u16, clock_hz: u32, data_bytes: u16,
@@ -120,6 +132,7 @@ wire_enum! { State {
     8 Returning,
     9 Resting,
     10 Limp,
+    11 Paused,
 }}
 
 wire_enum! { Refusal {
@@ -132,6 +145,8 @@ wire_enum! { Refusal {
     6 Stream(error: StreamError),
     7 NoStore,
     8 Reserved,
+    9 Key,
+    10 Full { hosts: u8 },
 }}
 
 wire_enum! { Fault {
@@ -170,6 +185,10 @@ wire_enum! { PlayError {
     6 NoDecoder,
     7 Channels { found: u32, expected: u16 },
     8 TooFast { rate_centihertz: u16, tick_hz: u16 },
+    9 Names { found: u32, expected: u32 },
+    10 Beyond { frame: u32, frames: u32 },
+    11 Stream,
+    12 Nothing,
 }}
 
 wire_enum! { StoreError {
@@ -188,6 +207,7 @@ wire_enum! { StoreError {
     12 Clip(error: Error),
     13 Worn { at: u32 },
     14 Flash { kind: NorFlashErrorKind, at: u32 },
+    15 Play(error: PlayError),
 }}
 
 wire_enum! { StreamError {

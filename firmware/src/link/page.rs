@@ -3,16 +3,24 @@
 use super::clip_error::{ClipError, FIELDS};
 use super::examples::document;
 use super::frame::{Deframer, write};
+use super::key::{KEY_BYTES, NONCE_BYTES, PROOF_BYTES};
 use super::message::{
-    Answer, ClipInfo, Event, Hello, LinkCounts, Playing, Refusal, Request, Response, ServoInfo, Streaming,
-    Telemetry,
+    ANSWER_BYTES, Answer, ClipInfo, DATA_BYTES, Event, Hello, LinkCounts, Playing, REQUEST_BYTES,
+    RESPONSE_BYTES, Refusal, Request, Response, ServoInfo, Streaming, Telemetry,
 };
+use super::session::{IDLE_MILLIS, REQUESTS};
 use super::wire::{Decode, Described, Encode, Row, decode_all};
+use crate::clock::{MAX_FRAMES_PER_TICK, Speed};
+use crate::demands::{Demands, Facts};
+use crate::device::UPLOAD_MILLIS;
 use crate::fault::Fault;
 use crate::machine::{Command, State};
+use crate::map::MAX_SERVOS;
+use crate::mixer::{PAUSE_MILLIS, QUEUE};
 use crate::play_error::PlayError;
-use crate::store::StoreError;
-use crate::stream::{Counters, Progress, StreamError};
+use crate::playback::SEEK_FRAMES;
+use crate::store::{NAME_BYTES, StoreError};
+use crate::stream::{Counters, MOST_BLOCKS, Progress, StreamError};
 use core::fmt::Debug;
 use decoder_core::mclip::{CodecId, EntropyId};
 use decoder_core::{Error, Feature, Field};
@@ -40,7 +48,7 @@ fn type_name(name: &str) -> String {
     }
     match name.as_str() {
         "&'bstr" | "String<16>" | "Name" => "text".to_owned(),
-        "&'b[u8]" => "bytes".to_owned(),
+        "&'b[u8]" | "Nonce" => "bytes".to_owned(),
         "Vec<ServoInfo,MAX_SERVOS>" => "list of servo info".to_owned(),
         "Speed" => "u16".to_owned(),
         "Error" => "clip error".to_owned(),
@@ -104,7 +112,7 @@ fn the_page_has_every_number_and_every_field() {
     }
     all! {
         Request<'_>, "Request"; Command, "Command"; Answer, "Answer"; Response, "Response"; Hello, "Hello";
-        ClipInfo, "Clip info"; Streaming, "Streaming"; Progress, "Progress"; Counters, "Counters"; Event, "Event";
+        ClipInfo, "Clip info"; Facts, "Facts"; Demands, "Demands"; Streaming, "Streaming"; Progress, "Progress"; Counters, "Counters"; Event, "Event";
         Telemetry, "Telemetry"; Playing, "Playing"; LinkCounts, "Link counts"; ServoInfo, "Servo info"; Reading, "Reading";
         State, "State"; Refusal, "Refusal"; Fault, "Fault"; BusError, "Bus error"; PlayError, "Play error";
         StoreError, "Store error"; StreamError, "Stream error"; ClipError, "Clip error"; Feature, "Feature";
@@ -119,6 +127,45 @@ fn the_page_has_every_number_and_every_field() {
     sections.extend(["field", "flash error"].map(String::from));
     assert_eq!(table(&page, "Flash error"), [["0", "not aligned"], ["1", "out of bounds"], ["2", "other"]]);
     assert!(told.is_subset(&sections), "the page explains no {:?}", told.difference(&sections));
+}
+
+#[test]
+fn the_pages_figures_are_those_of_the_code() {
+    let page = document();
+    let (_, section) = page.split_once("\n## Figures\n").unwrap();
+    let table = section.split("\n\n| figure of").next().unwrap();
+    let found: Vec<(String, u32)> = table
+        .lines()
+        .filter(|line| line.starts_with('|'))
+        .skip(2)
+        .map(|row| {
+            let (name, value) = row.trim_matches('|').split_once('|').unwrap();
+            (name.trim().to_owned(), value.trim().parse().unwrap())
+        })
+        .collect();
+    let expected = [
+        ("most bytes of a request", REQUEST_BYTES as u32),
+        ("most bytes of a response", RESPONSE_BYTES as u32),
+        ("most bytes of an event", ANSWER_BYTES as u32),
+        ("most bytes of `data`, `header` and `packet`", DATA_BYTES as u32),
+        ("most bytes of a name", NAME_BYTES as u32),
+        ("requests a tick and line", REQUESTS as u32),
+        ("servos of telemetry", MAX_SERVOS as u32),
+        ("clips that wait in the queue", QUEUE as u32),
+        ("blocks of a stream that wait", MOST_BLOCKS as u32),
+        ("least speed", Speed::SLOWEST.parts().into()),
+        ("most speed", Speed::FASTEST.parts().into()),
+        ("ms of a ramp of 256 in speed", PAUSE_MILLIS.into()),
+        ("frames a tick at most", MAX_FRAMES_PER_TICK.into()),
+        ("frames that a seek decodes a tick", SEEK_FRAMES),
+        ("ms after which an upload is nobody's", UPLOAD_MILLIS),
+        ("ms after which a silent host is gone", IDLE_MILLIS),
+        ("least bytes of a key", *KEY_BYTES.start() as u32),
+        ("most bytes of a key", *KEY_BYTES.end() as u32),
+        ("bytes of a nonce", NONCE_BYTES as u32),
+        ("bytes of a proof", PROOF_BYTES as u32),
+    ];
+    assert_eq!(found, expected.map(|(name, value)| (name.to_owned(), value)));
 }
 
 #[test]
@@ -163,6 +210,10 @@ fn errors() -> Vec<Refusal> {
         PlayError::NoDecoder,
         PlayError::Channels { found: 21, expected: 22 },
         PlayError::TooFast { rate_centihertz: 12_000, tick_hz: 7 },
+        PlayError::Names { found: 48, expected: 49 },
+        PlayError::Beyond { frame: 50, frames: 51 },
+        PlayError::Stream,
+        PlayError::Nothing,
     ];
     let error = Error::Encoding { field, at: 23 };
     let store = [
@@ -183,6 +234,7 @@ fn errors() -> Vec<Refusal> {
         StoreError::Flash { kind: NorFlashErrorKind::NotAligned, at: 37 },
         StoreError::Flash { kind: NorFlashErrorKind::OutOfBounds, at: 38 },
         StoreError::Flash { kind: NorFlashErrorKind::Other, at: 39 },
+        StoreError::Play(PlayError::Nothing),
     ];
     let stream = [
         StreamError::NoHeader,
@@ -207,7 +259,15 @@ fn errors() -> Vec<Refusal> {
         Fault::Late,
         Fault::Restarted,
     ];
-    let own = [Refusal::NoSession, Refusal::Unknown, Refusal::Moving, Refusal::NoStore, Refusal::Reserved];
+    let own = [
+        Refusal::NoSession,
+        Refusal::Unknown,
+        Refusal::Moving,
+        Refusal::NoStore,
+        Refusal::Reserved,
+        Refusal::Key,
+        Refusal::Full { hosts: 4 },
+    ];
     let faults = faults.into_iter().chain(bus.map(|error| Fault::Bus { error }));
     let clip = clip.into_iter().chain(features.map(|feature| Error::NotLinked { feature }));
     let play = play.into_iter().chain(clip.map(PlayError::Clip));
@@ -248,10 +308,13 @@ fn the_page_has_every_error_in_bytes() {
 #[test]
 fn states_are_their_numbers() {
     use State::{
-        Arming, Easing, Finding, Holding, Limp, Opening, Playing, Reading, Resting, Returning, Stopping,
+        Arming, Easing, Finding, Holding, Limp, Opening, Paused, Playing, Reading, Resting, Returning,
+        Stopping,
     };
-    let all =
-        [Finding, Reading, Arming, Opening, Easing, Playing, Stopping, Holding, Returning, Resting, Limp];
+    let all = [
+        Finding, Reading, Arming, Opening, Easing, Playing, Stopping, Holding, Returning, Resting, Limp,
+        Paused,
+    ];
     for (number, state) in (0..).zip(all) {
         assert_eq!(bytes(&state), [number]);
     }
@@ -263,6 +326,8 @@ fn what_is_no_number_is_no_message() {
         (&[2u8, 11][..], true),
         (&[2, 12], false),
         (&[14], false),
+        (&[16], true),
+        (&[17], false),
         (&[2, 0, 0xff, 0xff, 3, 1], true),
         (&[2, 0, 0xff, 0xff, 3, 2], false),
         (&[2, 0, 0xff, 0xff, 4, 1], false),

@@ -5,13 +5,15 @@
 //! number gets it again, one with an older number nothing, and each is done once.
 
 use super::frame::{Deframer, OVERHEAD, wire_len, write};
+use super::gate::Gate;
+use super::key::Lock;
 use super::message::{
     ANSWER_BYTES, Answer, Event, LinkCounts, REQUEST_BYTES, RESPONSE_BYTES, Refusal, Request, Response,
     Telemetry, VERSION,
 };
 use super::wire::Decode;
 use crate::fault::Fault;
-use crate::machine::State;
+use crate::machine::{Command, State};
 use heapless::Vec;
 
 /// Bytes that wait to be sent at most: an event, and responses to all requests of a tick.
@@ -19,6 +21,9 @@ const OUT_BYTES: usize = wire_len(ANSWER_BYTES) + REQUESTS * wire_len(RESPONSE_B
 
 /// Requests that are carried out in a tick at most; others wait on the line.
 pub const REQUESTS: usize = 4;
+
+/// Silence in both directions, in ms, after which a host counts as gone on a line that others wait for.
+pub const IDLE_MILLIS: u32 = 10_000;
 
 /// One line's conversation. Times are in ms of any clock that goes on, and may wrap.
 #[derive(Debug)]
@@ -28,6 +33,11 @@ pub struct Session {
     out: Vec<u8, OUT_BYTES>,
     /// The number that the host drew.
     open: Option<u32>,
+    gate: Gate,
+    /// Where the host has to wait for a place: how many there are.
+    guest: Option<u8>,
+    /// What the device calls the session; 0: it has not been told.
+    pub(crate) id: u32,
     /// Number of the last request, and what it was answered.
     last: Option<(u16, Response)>,
     heard: u32,
@@ -53,6 +63,9 @@ impl Session {
             deframer: Deframer::new(),
             out: Vec::new(),
             open: None,
+            gate: Gate::open(),
+            guest: None,
+            id: 0,
             last: None,
             heard: 0,
             hold: 0,
@@ -63,6 +76,27 @@ impl Session {
             busiest: 0,
             counts: LinkCounts { damaged: 0, repeated: 0, unknown: 0, dropped: 0 },
         }
+    }
+
+    /// Before the first byte of a line on which only those are heard who have the key. `seed` was drawn when the device was
+    /// turned on, another one each time; lines of one device have different ones.
+    pub fn locked(lock: &'static dyn Lock, seed: u64) -> Self {
+        let mut session = Self::new();
+        session.gate = Gate::locked(lock, seed);
+        session
+    }
+
+    /// The host has hung up, and another one may come: what was promised by a hold still counts, and nothing else.
+    pub fn hang_up(&mut self) {
+        self.deframer.forget();
+        self.out.clear();
+        self.gate.forget();
+        (self.open, self.telemetry, self.last) = (None, 0, None);
+    }
+
+    /// All `places` are taken, or this host has one (`None`). Who has none is only heard when it says stop.
+    pub const fn seat(&mut self, places: Option<u8>) {
+        self.guest = places;
     }
 
     /// Takes bytes off the front of `bytes`, up to [`REQUESTS`] requests of them, and gives each new request to `answer`, once.
@@ -88,8 +122,9 @@ impl Session {
                 send(&mut self.out, &mut self.counts, number, &refused(Refusal::Unknown));
                 continue;
             };
-            let begins = matches!(request, Request::Hello { session, .. } if self.open != Some(session));
-            if !begins && self.open.is_some() {
+            let known = self.open.or(self.gate.challenged());
+            let begins = matches!(request, Request::Hello { session, .. } if known != Some(session));
+            if !begins && known.is_some() {
                 // Newer numbers are up to half of all numbers ahead.
                 match self.last.as_ref().map(|(last, response)| (number.wrapping_sub(*last), response)) {
                     Some((0, response)) => {
@@ -108,11 +143,29 @@ impl Session {
             let response = match request {
                 Request::Hello { version, session } => {
                     // What the last host promised by a hold it has to answer for.
-                    (self.open, self.telemetry) = ((version == VERSION).then_some(session), 0);
-                    answer(&request)
+                    (self.open, self.telemetry) = (None, 0);
+                    self.gate.forget();
+                    let speaks = version == VERSION;
+                    match speaks.then(|| self.gate.challenge(session)).flatten() {
+                        Some(nonce) => Response::Challenge { nonce },
+                        None => {
+                            self.open = speaks.then_some(session);
+                            answer(&request)
+                        }
+                    }
                 }
+                Request::Prove { proof } => match self.gate.prove(proof) {
+                    Some(session) => {
+                        self.open = Some(session);
+                        answer(&Request::Hello { version: VERSION, session })
+                    }
+                    None => Response::Refused(Refusal::Key),
+                },
                 _ if self.open.is_none() => Response::Refused(Refusal::NoSession),
                 Request::Alive => Response::Done,
+                // Whoever is there may stop the puppet.
+                Request::Command(Command::Stop) => answer(&request),
+                _ if let Some(hosts) = self.guest => Response::Refused(Refusal::Full { hosts }),
                 Request::Hold { millis } => {
                     self.hold = millis;
                     Response::Done
@@ -126,6 +179,21 @@ impl Session {
             self.last = Some((number, response.clone()));
             send(&mut self.out, &mut self.counts, number, &Answer::Response(response));
         }
+    }
+
+    /// The number that the host of the session drew; none before a hello.
+    pub const fn number(&self) -> Option<u32> {
+        self.open
+    }
+
+    /// Time in ms since a whole frame came.
+    pub const fn silent(&self, now: u32) -> u32 {
+        now.wrapping_sub(self.heard)
+    }
+
+    /// Silence in ms after which the host counts as gone: [`IDLE_MILLIS`], or longer where it has said so.
+    pub const fn idle_millis(&self) -> u32 {
+        if self.hold as u32 > IDLE_MILLIS { self.hold as u32 } else { IDLE_MILLIS }
     }
 
     /// Whether someone began a session of this version.

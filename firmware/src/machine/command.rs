@@ -20,7 +20,7 @@ pub enum Command {
         /// Whether it begins again after its end.
         repeats: bool,
     },
-    /// Slow down to a stop on the clip's path; what breathes goes on.
+    /// Slow down to a stop on the clip's path; what breathes goes on. Ends with resume, stop, home, a trigger and a new play.
     Pause,
     /// Go on after a pause.
     Resume,

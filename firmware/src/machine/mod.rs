@@ -22,6 +22,8 @@ mod state_machine;
 pub(crate) mod test_puppet;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_of_playing;
 mod tick_output;
 
 pub use crate::show::{After, Show};

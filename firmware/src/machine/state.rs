@@ -16,7 +16,7 @@ pub enum State {
     Opening,
     /// On its way to a clip's pose.
     Easing,
-    /// Plays, or is paused.
+    /// Plays.
     Playing,
     /// Brakes.
     Stopping,
@@ -28,6 +28,8 @@ pub enum State {
     Resting,
     /// The servos were let go.
     Limp,
+    /// Stands in a clip, or slows down to that, until somebody resumes, stops or plays another one. What breathes goes on.
+    Paused,
 }
 
 /// How the controller came up.

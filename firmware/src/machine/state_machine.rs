@@ -115,7 +115,10 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
 
     /// Where the puppet is.
     pub const fn state(&self) -> State {
-        self.state
+        match self.state {
+            State::Playing if self.mixer.is_paused() => State::Paused,
+            state => state,
+        }
     }
 
     /// The fault that is latched, the first one since the last acknowledgement.
@@ -172,8 +175,13 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
                 }
             }
             Command::Seek { frame } => self.mixer.seek(frame)?,
-            Command::Sync { frame, fraction } => self.mixer.sync(frame, fraction)?,
-            Command::Pause => self.mixer.pause(),
+            // Before its first frame a clip stands still, and while it is paused: then there is nothing to be brought together.
+            Command::Sync { frame, fraction } if self.state() == State::Playing => {
+                self.mixer.sync(frame, fraction)?;
+            }
+            Command::Sync { .. } if self.mixer.is_empty() => return Err(PlayError::Nothing),
+            Command::Sync { .. } => {}
+            Command::Pause => self.mixer.pause()?,
             Command::Resume => self.mixer.resume(),
             Command::Speed(speed) => self.mixer.set_speed(speed),
             Command::Stop => self.brake(After::Hold),
@@ -382,7 +390,7 @@ impl<'m, L: Library, const N: usize> Machine<'m, L, N> {
                     self.state = State::Playing;
                 }
             }
-            State::Playing => self.play(idle),
+            State::Playing | State::Paused => self.play(idle),
             State::Stopping => {
                 self.hold();
                 if self.still() && !self.acknowledged {

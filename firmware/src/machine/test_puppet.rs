@@ -81,6 +81,10 @@ impl Library for FormulaClips {
         Ok(FormulaFrames { clip, next: 0, frame: [I16F16::ZERO; SERVOS], damaged_at: self.damaged_at })
     }
 
+    fn has(&self, clip: u16) -> bool {
+        clip <= 3
+    }
+
     fn close(&mut self, _: FormulaFrames) {
         self.open -= 1;
     }

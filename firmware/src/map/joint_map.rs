@@ -4,11 +4,11 @@ use super::bus::{BusSpec, MAX_BUSES};
 use super::error::MapError;
 use super::joint::{GOAL_LIMIT, Joint};
 use super::settings::Settings;
-use super::wire::{MapBytes, VERSION};
+use super::wire::{MapBytes, OLD_VERSION, VERSION};
 use crate::clock::MAX_TICK_HZ;
 use crate::collect::numbered;
+use crate::demands::Demands;
 use crate::limits::MAX_VELOCITY;
-use crate::play_error::PlayError;
 use core::ops::Range;
 use decoder_core::I16F16;
 use heapless::Vec;
@@ -23,6 +23,8 @@ pub struct JointMap<const N: usize> {
     settings: Settings,
     buses: Vec<BusSpec, MAX_BUSES>,
     joints: Vec<Joint, N>,
+    /// Digest of the names of a clip's channels; 0: not known.
+    names: u32,
 }
 
 impl<const N: usize> JointMap<N> {
@@ -81,7 +83,7 @@ impl<const N: usize> JointMap<N> {
                 }
             }
         }
-        Ok(Self { settings, buses, joints })
+        Ok(Self { settings, buses, joints, names: 0 })
     }
 
     /// Reads and checks the bytes of a map, all of them.
@@ -90,16 +92,21 @@ impl<const N: usize> JointMap<N> {
     /// [`MapError`].
     pub fn parse(bytes: &[u8]) -> Result<Self, MapError> {
         match bytes.first() {
-            Some(&VERSION) => {}
+            Some(&(VERSION | OLD_VERSION)) => {}
             Some(&found) => return Err(MapError::Version { found }),
             None => return Err(MapError::Malformed { capacity: N }),
         }
         let malformed = MapError::Malformed { capacity: N };
         let (map, rest) = postcard::take_from_bytes::<MapBytes<N>>(bytes).map_err(|_| malformed)?;
+        // What came with a version stands behind what was there before.
+        let (names, rest) = match map.version {
+            OLD_VERSION => (0, rest),
+            _ => postcard::take_from_bytes::<u32>(rest).map_err(|_| malformed)?,
+        };
         if !rest.is_empty() {
             return Err(MapError::TrailingBytes { found: rest.len() });
         }
-        Self::new(map.settings, map.buses, map.joints)
+        Ok(Self::new(map.settings, map.buses, map.joints)?.with_names(names))
     }
 
     /// Writes the bytes of the map to the front of `buffer` and returns them.
@@ -115,7 +122,19 @@ impl<const N: usize> JointMap<N> {
             buses: self.buses.clone(),
             joints: self.joints.clone(),
         };
-        postcard::to_slice(&map, buffer).map_err(|_| MapError::BufferTooSmall)
+        postcard::to_slice(&(map, self.names), buffer).map_err(|_| MapError::BufferTooSmall)
+    }
+
+    /// The same map, for clips whose channels' names have this digest
+    /// ([`names_digest`](decoder_core::mclip::Header::names_digest)); 0: it is not known.
+    #[must_use]
+    pub fn with_names(self, names: u32) -> Self {
+        Self { names, ..self }
+    }
+
+    /// Digest of the names of a clip's channels; 0: it is not known.
+    pub const fn names(&self) -> u32 {
+        self.names
     }
 
     /// What holds for the whole puppet.
@@ -138,19 +157,17 @@ impl<const N: usize> JointMap<N> {
         &self.joints
     }
 
-    /// Whether a clip of so many channels can be played.
-    ///
-    /// # Errors
-    /// [`PlayError::Channels`], [`PlayError::Channel`].
-    pub fn check_channels(&self, channels: usize) -> Result<(), PlayError> {
-        let expected = self.settings.channels;
-        if expected > 0 && usize::from(expected) != channels {
-            return Err(PlayError::Channels { found: channels as u32, expected });
+    /// What a clip must be to be played.
+    pub fn demands(&self) -> Demands {
+        let joints = self.joints.iter().map(|joint| (joint.channel, joint.id));
+        let (furthest_channel, furthest_id) = joints.max_by_key(|(channel, _)| *channel).unwrap_or_default();
+        Demands {
+            channels: self.settings.channels,
+            names: self.names,
+            furthest_channel,
+            furthest_id,
+            tick_hz: self.settings.tick_hz,
         }
-        let missing = self.joints.iter().find(|joint| usize::from(joint.channel) >= channels);
-        missing.map_or(Ok(()), |joint| {
-            Err(PlayError::Channel { id: joint.id, channel: joint.channel, channels: channels as u32 })
-        })
     }
 
     /// Whether the servo of joint `index` tells where it is.

@@ -1,6 +1,7 @@
 //! Reads an upload back from flash, piece by piece, before anything names it.
 
 use super::error::StoreError;
+use crate::demands::{Demands, Facts};
 use crc::Digest;
 use decoder_core::mclip::{self, BlockBounds, Blocks, Header, MAGIC, Needs, Prefix};
 use decoder_core::{Error, Field, Limits, qmd};
@@ -27,14 +28,6 @@ struct Opened {
     blocks: Option<BlockBounds>,
 }
 
-/// What a clip says of itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Facts {
-    pub frames: u32,
-    pub channels: u16,
-    pub rate_centihertz: u16,
-}
-
 impl Check {
     pub fn new() -> Self {
         Self { digest: mclip::digest(), at: 0, frames: 0, opened: None }
@@ -46,7 +39,13 @@ impl Check {
     }
 
     /// Goes on in the clip's bytes; gives what it says of itself once all were read. The header is read in the first step.
-    pub fn step(&mut self, clip: &[u8], crc: u32, capacity: &Needs) -> Result<Option<Facts>, StoreError> {
+    pub fn step(
+        &mut self,
+        clip: &[u8],
+        crc: u32,
+        capacity: &Needs,
+        demands: Option<&Demands>,
+    ) -> Result<Option<Facts>, StoreError> {
         let opened = self.opened.take().unwrap_or_else(|| self.open(clip, capacity));
         let opened = match opened {
             Ok(Opened { blocks: Some(bounds), .. }) => self.read_blocks(clip, bounds).and(opened),
@@ -64,7 +63,9 @@ impl Check {
         if found != crc {
             return Err(StoreError::Checksum { found, expected: crc });
         }
-        opened.map(|opened| Some(opened.facts)).map_err(StoreError::Clip)
+        let facts = opened.map_err(StoreError::Clip)?.facts;
+        demands.map_or(Ok(()), |demands| demands.check(&facts)).map_err(StoreError::Play)?;
+        Ok(Some(facts))
     }
 
     /// Takes bytes up to `to` into the checksum.
@@ -77,19 +78,14 @@ impl Check {
     fn open(&mut self, clip: &[u8], capacity: &Needs) -> Result<Opened, Error> {
         let channels = u16::try_from(capacity.channels).unwrap_or(u16::MAX);
         let limits = Limits { channels, frames: Limits::MAX.frames };
-        let count = |channels| u16::try_from(channels).unwrap_or(u16::MAX);
         if !clip.starts_with(&MAGIC) {
             let clip = qmd::Clip::parse(clip, limits)?;
-            let (frames, rate_centihertz) = (clip.frames(), clip.rate_centihertz());
-            let facts = Facts { frames, channels: count(clip.channels()), rate_centihertz };
-            return Ok(Opened { facts, blocks: None });
+            return Ok(Opened { facts: Facts::from(&clip), blocks: None });
         }
         let header = Header::parse(clip, limits)?;
         fits(&header.needs(), capacity)?;
         self.read(clip, Prefix::read(clip)?.header_bytes);
-        let (frames, rate_centihertz) = (header.frames(), header.rate_centihertz());
-        let facts = Facts { frames, channels: count(header.channel_count()), rate_centihertz };
-        Ok(Opened { facts, blocks: Some(header.block_bounds()) })
+        Ok(Opened { facts: Facts::from(&header), blocks: Some(header.block_bounds()) })
     }
 
     /// Checks blocks of about [`STEP_BYTES`].

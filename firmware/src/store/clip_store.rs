@@ -9,6 +9,7 @@ use super::free_sectors;
 use super::layout::Layout;
 use super::lease::Lease;
 use super::mapped::{MappedFlash, PAGE_BYTES};
+use crate::demands::Demands;
 use decoder_core::mclip::Needs;
 use embedded_storage::nor_flash::NorFlashError;
 
@@ -44,6 +45,8 @@ pub struct Store<F> {
     flash: F,
     layout: Layout,
     capacity: Needs,
+    /// What the puppet asks of clips.
+    demands: Option<Demands>,
     /// The directory that counts; `None` in new flash.
     directory: Option<Directory>,
     job: Job,
@@ -75,7 +78,20 @@ impl<F: MappedFlash> Store<F> {
             return Err(StoreError::Layout);
         }
         let directory = Directory::find(&flash, &layout);
-        Ok(Self { flash, layout, capacity, directory, job: Job::Idle, page: [0xff; PAGE_BYTES] })
+        Ok(Self {
+            flash,
+            layout,
+            capacity,
+            demands: None,
+            directory,
+            job: Job::Idle,
+            page: [0xff; PAGE_BYTES],
+        })
+    }
+
+    /// From now on a clip that the puppet cannot play is refused at the end of its upload; before that call, none is.
+    pub const fn demand(&mut self, demands: Demands) {
+        self.demands = Some(demands);
     }
 
     /// The clips, by number.
@@ -257,11 +273,11 @@ impl<F: MappedFlash> Store<F> {
 
     fn check(&mut self, mut entry: Entry, mut check: Check) -> Result<Job, StoreError> {
         let clip = self.flash.mapped(entry.at, entry.bytes).ok_or(StoreError::Layout)?;
-        let Some(facts) = check.step(clip, entry.crc, &self.capacity)? else {
+        let Some(facts) = check.step(clip, entry.crc, &self.capacity, self.demands.as_ref())? else {
             return Ok(Job::Check(entry, check));
         };
         entry.frames = facts.frames;
-        entry.channels = facts.channels;
+        entry.channels = u16::try_from(facts.channels).unwrap_or(u16::MAX);
         entry.rate_centihertz = facts.rate_centihertz;
         Ok(Job::Record(Next::new(&self.flash, &self.layout, self.directory, Change::Put(entry))))
     }

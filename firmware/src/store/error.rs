@@ -1,5 +1,6 @@
 //! What a store says.
 
+use crate::play_error::PlayError;
 use core::fmt;
 use decoder_core::Error;
 use embedded_storage::nor_flash::NorFlashErrorKind;
@@ -67,6 +68,8 @@ pub enum StoreError {
     },
     /// The bytes are no clip that can be played here.
     Clip(Error),
+    /// The clip is whole, and this puppet cannot play it.
+    Play(PlayError),
     /// The flash does not hold what was written to it.
     Worn {
         /// Where.
@@ -98,7 +101,10 @@ impl fmt::Display for StoreError {
                 )
             }
             Self::NoClip { clip } => write!(f, "there is no clip {clip} in the store"),
-            Self::Busy => f.write_str("the store is busy"),
+            Self::Busy => f.write_str(
+                "the store is busy: another host's upload goes on, or the directory is written; try again, at the latest \
+                 2 s after that host has stopped",
+            ),
             Self::NoUpload => f.write_str("no upload was begun"),
             Self::Gap { expected, found } => {
                 write!(f, "bytes of the upload come from {found} on, expected {expected}")
@@ -113,6 +119,7 @@ impl fmt::Display for StoreError {
                 write!(f, "the clip's CRC-32 on flash is {found:#010x}, expected {expected:#010x}")
             }
             Self::Clip(error) => error.fmt(f),
+            Self::Play(error) => error.fmt(f),
             Self::Worn { at } => write!(f, "flash at {at:#x} does not hold what was written to it"),
             Self::Flash { kind, at } => write!(f, "flash at {at:#x}: {kind}"),
         }

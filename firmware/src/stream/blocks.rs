@@ -128,6 +128,11 @@ impl<'s> Blocks<'s> {
         self.memory.get(self.address(place)..)?.get(..length)
     }
 
+    /// The frame behind the block that begins with this one.
+    pub fn end_of(&self, first_frame: u32) -> Option<u32> {
+        self.blocks().find(|block| block.first_frame == first_frame).map(end)
+    }
+
     /// Drops all blocks that end before or at this frame.
     pub fn drop_until(&mut self, frame: u32) {
         self.drop_where(|block| end(block) <= frame);

@@ -41,6 +41,8 @@ struct State {
     /// The frame that plays next, and the one that the decoder gives next.
     position: u32,
     next: u32,
+    /// Where the block ends that the decoder is in; it waits no longer.
+    taken: u32,
     /// Where the last one of all blocks that came ends.
     seen: u32,
     playing: bool,
@@ -54,6 +56,7 @@ const NEW: State = State {
     rate_centihertz: 0,
     position: 0,
     next: 0,
+    taken: 0,
     seen: 0,
     playing: false,
     silent: 0,
@@ -182,11 +185,11 @@ impl<'s> Live<'s> {
 
     /// How far it is.
     pub fn progress(&self) -> Progress {
-        let State { frames, position, next, .. } = self.state.get();
+        let State { frames, position, next, taken, .. } = self.state.get();
         let (received, free, blocks) = self
             .with(|blocks| {
                 (
-                    blocks.end_from(next),
+                    blocks.end_from(next.max(taken)),
                     blocks.free().saturating_add(blocks.passed(position)),
                     blocks.places(),
                 )
@@ -260,11 +263,14 @@ impl<'s> Live<'s> {
     /// Gives `feed` the block that begins with this frame, and drops it.
     pub(super) fn take_block<R>(&self, first_frame: u32, feed: impl FnOnce(&mut &[u8]) -> R) -> Option<R> {
         let fed = self.with(|blocks| {
+            let end = blocks.end_of(first_frame)?;
             let result = feed(&mut blocks.block(first_frame)?);
             blocks.remove(first_frame);
-            Some(result)
+            Some((result, end))
         });
-        fed.ok().flatten()
+        let (result, taken) = fed.ok().flatten()?;
+        self.state.update(|state| State { taken, ..state });
+        Some(result)
     }
 
     pub(super) fn count(&self, count: impl FnOnce(&mut Counters)) {

@@ -115,6 +115,10 @@ impl Frames for Player<'_, '_, '_> {
         self.stream.header().rate_centihertz()
     }
 
+    fn names(&self) -> Option<u32> {
+        self.stream.header().names_digest()
+    }
+
     fn position(&self) -> u32 {
         self.position
     }

@@ -30,7 +30,8 @@ pub struct Counters {
 pub struct Progress {
     /// Number of the frame that plays next.
     pub position: u32,
-    /// Number of the first frame, from where the decoder is, that is not there.
+    /// Number of the first frame, from the one that the decoder is at, that has not come: all blocks before it have come, or their
+    /// time has passed.
     pub received: u32,
     /// Frames in all; 0 before the header is there.
     pub frames: u32,

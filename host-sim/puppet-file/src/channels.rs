@@ -133,6 +133,16 @@ impl Channels {
         self.columns.iter().map(|(name, _)| name.as_str())
     }
 
+    /// The digest of their names that a device compares a clip's with (docs/MAP.md); 0 where nothing has a name.
+    pub fn names_digest(&self) -> u32 {
+        let mut digest = decoder_core::mclip::digest();
+        for name in self.names() {
+            digest.update(name.as_bytes());
+            digest.update(b"\n");
+        }
+        if self.columns.is_empty() { 0 } else { digest.finalize() }
+    }
+
     /// The column of a channel, and the unit of its values.
     ///
     /// # Errors

@@ -3,6 +3,7 @@
 use crate::channels::{Channels, Unit};
 use crate::error::{Error, Mistakes, Problem};
 use crate::file::JointEntry;
+use crate::models;
 use crate::puppet::Puppet;
 use decoder_core::I16F16;
 use firmware::limits::{FINE_BITS, MAX_VELOCITY};
@@ -12,25 +13,41 @@ use toml::Spanned;
 /// Seconds in which a joint reaches its highest speed, where a puppet does not say its acceleration.
 const DEFAULT_RISE: f64 = 0.05;
 
-/// The lowest and the highest goal that servos on a kind of bus take.
-///
-/// Sources: e-Manual, "XM430-W350" (4096 a turn) and "AX-12A" (1024 in 300°); Feetech's memory tables of the STS3215
-/// (4096 a turn) and SCS15 (1024 in 200°); hobby servos take pulses of 500 to 2500 µs for some 180°.
-pub const fn goal_range(kind: BusKind) -> (i32, i32) {
-    match kind {
-        BusKind::Dynamixel | BusKind::Sts => (0, 4095),
-        BusKind::Dynamixel1 | BusKind::Scs => (0, 1023),
-        BusKind::Pwm | BusKind::Pca9685 | BusKind::Blender => (500, 2500),
-    }
+/// What a servo makes of goals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Units {
+    /// The lowest goal that it takes.
+    pub lowest: i32,
+    /// The highest goal that it takes.
+    pub highest: i32,
+    /// Goals in a degree.
+    pub per_degree: f64,
 }
 
-/// Goals in a degree, from the sources of [`goal_range`].
-pub const fn goals_per_degree(kind: BusKind) -> f64 {
-    match kind {
-        BusKind::Dynamixel | BusKind::Sts => 4096.0 / 360.0,
-        BusKind::Dynamixel1 => 1024.0 / 300.0,
-        BusKind::Scs => 1024.0 / 200.0,
-        BusKind::Pwm | BusKind::Pca9685 | BusKind::Blender => 2000.0 / 180.0,
+impl Units {
+    /// Those of the servos on a kind of bus; of the servo with this model number, where it differs from them.
+    ///
+    /// Sources: e-Manual, "XM430-W350" (4096 a turn), "AX-12A" (1024 in 300°) and "MX-28" (4096 a turn); Feetech's
+    /// memory tables of the STS3215 (4096 a turn) and SCS15 (1024 in 200°) and its data sheet of the SCS0009 (1024 in
+    /// 300°); hobby servos take pulses of 500 to 2500 µs for some 180°.
+    #[must_use]
+    pub const fn of(kind: BusKind, model: Option<u16>) -> Self {
+        let (lowest, highest, per_degree) = match (kind, model) {
+            (BusKind::Dynamixel | BusKind::Sts, _) => (0, 4095, 4096.0 / 360.0),
+            (BusKind::Dynamixel1, Some(models::MX_12W | models::MX_28 | models::MX_64 | models::MX_106)) => {
+                (0, 4095, 4096.0 / 360.0)
+            }
+            (BusKind::Dynamixel1, _) | (BusKind::Scs, Some(models::SCS0009)) => (0, 1023, 1024.0 / 300.0),
+            (BusKind::Scs, _) => (0, 1023, 1024.0 / 200.0),
+            (BusKind::Pwm | BusKind::Pca9685 | BusKind::Blender, _) => (500, 2500, 2000.0 / 180.0),
+        };
+        Self { lowest, highest, per_degree }
+    }
+
+    /// The goal in the middle.
+    #[must_use]
+    pub const fn middle(self) -> i32 {
+        (self.lowest + self.highest + 1) / 2
     }
 }
 
@@ -54,8 +71,10 @@ impl Puppet {
         channels: &Channels,
         mistakes: &mut Mistakes,
     ) -> Option<Joint> {
-        let (lowest, highest) = goal_range(kind);
-        let channel = mistakes.note(self.channel(entry, goals_per_degree(kind), channels));
+        // A model that is not known is told by whoever looks at the model.
+        let units = Units::of(kind, self.model(entry).ok().flatten());
+        let Units { lowest, highest, per_degree } = units;
+        let channel = mistakes.note(self.channel(entry, per_degree, channels));
         let sign = mistakes.note(match &entry.direction {
             None => Ok(1.0),
             Some(direction) => match *direction.get_ref() {
@@ -69,7 +88,7 @@ impl Puppet {
             Some(acceleration) => mistakes.note(self.positive(acceleration, f64::MAX)),
         };
         let (Channel { index, unit, scale, offset }, sign) = (channel?, sign?);
-        let zero = entry.zero.as_ref().map_or((lowest + highest + 1) / 2, |zero| *zero.get_ref());
+        let zero = entry.zero.as_ref().map_or(units.middle(), |zero| *zero.get_ref());
         let to_goal = |value: f64| (f64::from(zero) + sign * scale * value).round();
         let range = mistakes.note(self.range(entry, (lowest, highest), to_goal));
         let home = match (&entry.home, range) {

@@ -57,7 +57,7 @@ mod puppet;
 
 pub use channels::{Channels, MissingChannel, Owner, Unit};
 pub use error::{Error, Problem};
-pub use joint::{goal_range, goals_per_degree};
+pub use joint::Units;
 pub use map::{Map, to_bytes};
 pub use place::Place;
 pub use puppet::{NamedServo, Puppet};

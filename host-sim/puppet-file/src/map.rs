@@ -78,7 +78,7 @@ impl Puppet {
         if let (Some(buses), Some(settings), true) = (buses, settings, mistakes.is_empty()) {
             let map = JointMap::new(settings, buses, joints).map_err(|error| self.wrong_at_all(error));
             if let Some(map) = mistakes.note(map) {
-                return Ok(map);
+                return Ok(map.with_names(channels.names_digest()));
             }
         }
         Err(mistakes.into())

@@ -6,15 +6,23 @@
 use firmware::map::BusKind;
 use serde::Deserialize;
 
+/// MX servos with protocol 1.0.
+pub(crate) const MX_12W: u16 = 360;
+pub(crate) const MX_28: u16 = 29;
+pub(crate) const MX_64: u16 = 310;
+pub(crate) const MX_106: u16 = 320;
+/// The SCS servo that turns 300 degrees.
+pub(crate) const SCS0009: u16 = 1284;
+
 /// Models whose goal units are those of their kind of bus in puppet.toml.
 const MODELS: [(&str, u16); 44] = [
     ("AX-12A", 12),
     ("AX-12W", 300),
     ("AX-18A", 18),
-    ("MX-12W", 360),
-    ("MX-28", 29),
-    ("MX-64", 310),
-    ("MX-106", 320),
+    ("MX-12W", MX_12W),
+    ("MX-28", MX_28),
+    ("MX-64", MX_64),
+    ("MX-106", MX_106),
     ("MX-28(2.0)", 30),
     ("MX-64(2.0)", 311),
     ("MX-106(2.0)", 321),
@@ -51,7 +59,7 @@ const MODELS: [(&str, u16); 44] = [
     ("XW540-T140", 1180),
     ("XW540-T260", 1170),
     ("STS3215", 777),
-    ("SCS0009", 1284),
+    ("SCS0009", SCS0009),
 ];
 
 /// The name of a model, or its number where it has none here.
@@ -106,9 +114,6 @@ pub fn unfit(kind: BusKind, model: u16) -> Option<&'static str> {
         BusKind::Dynamixel if model == 350 => Some("an XL320 has another control table, and 1024 positions"),
         BusKind::Dynamixel if (2000..3000).contains(&model) || model > 30_000 => {
             Some("servos of the P and PRO series have another control table")
-        }
-        BusKind::Dynamixel1 if [29, 310, 320, 360].contains(&model) => {
-            Some("an MX has 4096 positions a turn: give the joint `scale` and `goal_range`")
         }
         _ => None,
     }

@@ -1,10 +1,12 @@
 //! `bunraku device`: a puppet's controller on virtual servos.
 
 use super::servos::{Listen, NO_PTY};
-use anyhow::Result;
-use host_sim::device::{self, Config, Listener};
+use anyhow::{Result, bail};
+use host_sim::device::{self, Config, Key, Listener};
+use host_sim::link::key_file;
 use host_sim::puppet::channels;
 use puppet_file::Puppet;
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -33,6 +35,12 @@ pub struct Args {
     /// Where hosts connect: `pty` or `tcp:HOST:PORT` (port 0 takes a free one).
     #[arg(long, value_name = "LINE", default_value = "pty")]
     listen: Listen,
+    /// The file with the key that hosts need: 16 to 64 bytes, and a line's end. Beyond this computer one is needed, or --without-key.
+    #[arg(long, value_name = "FILE")]
+    key_file: Option<PathBuf>,
+    /// Listen for other computers without a key: whoever reaches the port moves the puppet.
+    #[arg(long, conflicts_with = "key_file")]
+    without_key: bool,
     /// What the device is called.
     #[arg(long, default_value = "virtual")]
     name: String,
@@ -61,6 +69,17 @@ pub fn run(args: Args) -> Result<ExitCode> {
         Listen::Tcp(address) => Listener::tcp(address)?,
         Listen::Pty => pty()?,
     };
+    let port = listener.name()?;
+    let key = args.key_file.as_deref().map(key_file::read).transpose()?;
+    if key.is_none() && !listener.is_private()? {
+        if !args.without_key {
+            bail!(
+                "{port} is open to other computers: give hosts a key (--key-file FILE), listen on 127.0.0.1, or say \
+                 --without-key"
+            );
+        }
+        eprintln!("warning: whoever reaches {port} moves the puppet and writes its clips: there is no key");
+    }
     let default = Config::default();
     let config = Config {
         name: args.name,
@@ -69,8 +88,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
         idle_clip: args.idle,
         trigger_clip: args.trigger,
         stream: firmware::stream::Settings { lost_millis: args.stream_lost, ..default.stream },
+        key: key.map(|key| Key { lock: Box::leak(Box::new(key)), seed: seed() }),
     };
-    let port = listener.name()?;
     let mut out = std::io::stdout().lock();
     if args.json {
         let report =
@@ -83,6 +102,11 @@ pub fn run(args: Args) -> Result<ExitCode> {
     drop(out);
     device::run_device(&map, &config, listener, &|| false)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// What nobody outside of this process knows, and another one each time.
+fn seed() -> u64 {
+    RandomState::new().build_hasher().finish()
 }
 
 #[cfg(unix)]

@@ -6,6 +6,7 @@ use host_sim::live_frames::{self, Listener, Say};
 use host_sim::play::seconds;
 use host_sim::ports::{self, Clock, ComputerClock, Told, virtual_buses};
 use host_sim::puppet_servos;
+use host_sim::settings;
 use puppet_file::Puppet;
 use std::io::Write;
 use std::net::SocketAddr;
@@ -86,7 +87,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
         ports::follow(&listen(&args)?, lost_millis, &map, buses, &clock, asked_to_end()?, say)
     } else {
         let paths = ports::paths(&args.on, &bus_names, |_| true)?;
-        let buses = ports::open(&map, &paths)?;
+        let mut buses = ports::open_each(&map, &paths)?;
+        let warn = &mut |line: &str| eprintln!("bunraku: {line}");
+        ports::block_on(settings::check_before_arming(&mut buses, &map, &puppet, &args.on, warn))?;
+        let buses = ports::join(&map, buses)?;
         ports::follow(&listen(&args)?, lost_millis, &map, buses, &clock, asked_to_end()?, say)
     }?;
     if let Some(log) = &args.log {

@@ -12,6 +12,7 @@ use host_sim::ports::{self, Clock, ComputerClock, InstantClock, Played, Told, vi
 use host_sim::puppet::channels;
 use host_sim::puppet_servos;
 use host_sim::rp2040js;
+use host_sim::settings;
 use host_sim::show::{PlayedShow, Program, Summary, show_page};
 use puppet_file::{Map, Puppet};
 use std::path::{Path, PathBuf};
@@ -160,7 +161,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
             })
         }
         On::Port(port) => {
-            let buses = ports::open(&map, &ports::paths(port, &puppet.bus_names(), |_| true)?)?;
+            let mut buses = ports::open_each(&map, &ports::paths(port, &puppet.bus_names(), |_| true)?)?;
+            let say = &mut |line: &str| eprintln!("bunraku: {line}");
+            ports::block_on(settings::check_before_arming(&mut buses, &map, &puppet, port, say))?;
+            let buses = ports::join(&map, buses)?;
             let (asked, progress) = (asked_to_end()?, Progress::new(&performance));
             let clock = ComputerClock::start();
             let played =

@@ -3,11 +3,13 @@
 use anyhow::{Context, Result, bail};
 use clap::Subcommand;
 use firmware::clock::Speed;
-use firmware::link::message::{Request, Telemetry};
+use firmware::demands::Facts;
+use firmware::link::key::HmacKey;
+use firmware::link::message::{Request, Response, Telemetry};
 use firmware::machine::{Command, State};
 use host_sim::files;
-use host_sim::link::Client;
 use host_sim::link::upload::{Upload, list, upload_again};
+use host_sim::link::{Client, Line, key_file};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -40,12 +42,25 @@ pub struct Port {
     /// Bits per second of a serial port.
     #[arg(long, default_value_t = 115_200)]
     pub baud: u32,
+    /// The file with the key, where the device needs one.
+    #[arg(long, value_name = "FILE", global = true)]
+    pub key_file: Option<PathBuf>,
 }
 
 impl Port {
+    /// The key, where one is named.
+    pub fn key(&self) -> Result<Option<HmacKey>> {
+        self.key_file.as_deref().map(key_file::read).transpose()
+    }
+
+    /// The line, with that key.
+    pub fn line<'a>(&'a self, key: Option<&'a HmacKey>) -> Line<'a> {
+        Line { name: &self.name, baud: self.baud, key }
+    }
+
     /// Begins a session.
     pub fn open(&self) -> Result<Client> {
-        Ok(Client::open(&self.name, self.baud)?)
+        Ok(Client::open(self.line(self.key()?.as_ref()))?)
     }
 }
 
@@ -107,7 +122,8 @@ enum Action {
     },
     /// Tell the device at which frame an outside clock is now (audio, timecode).
     ///
-    /// The clip plays a little faster or slower until it is at the same frame. Where the two are more than a sixteenth of a second apart, the clip fades to the frame.
+    /// The clip plays a little faster or slower until it is at the same frame. Where the two are more than a sixteenth of a second apart,
+    /// the clip fades to the frame. FRAME is where the clock is when this program starts; the time until the device hears of it is added.
     Sync {
         /// The frame, with a part of the next one: 120.5.
         #[arg(value_parser = frame)]
@@ -134,6 +150,7 @@ fn frame(text: &str) -> Result<f64, String> {
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
+    let start = Instant::now();
     let Args { port, json, action } = args;
     let report = match action {
         Action::Upload { clip, file, name, retry } => {
@@ -153,6 +170,10 @@ pub fn run(args: Args) -> Result<ExitCode> {
             port.open()?.request_done(&Request::Remove { clip })?;
             (format!("clip {clip} is removed"), json!({ "clip": clip }))
         }
+        Action::Sync { frame } => {
+            let now = sync(&mut port.open()?, frame, start)?;
+            (format!("follows from frame {now:.2} on"), json!({ "frame": now }))
+        }
         other => {
             let (command, done) = command(&other)?;
             port.open()?.command(command)?;
@@ -168,6 +189,31 @@ pub fn run(args: Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Tells where an outside clock is that was at `frame` when this program began: time goes by until the device hears of it. Gives
+/// the frame that the device was told.
+fn sync(client: &mut Client, frame: f64, start: Instant) -> Result<f64> {
+    let status = client.status()?;
+    let rate = match status.playing {
+        Some(playing) => match client.request(&Request::Facts { clip: playing.clip })? {
+            Response::Facts(Some(facts)) => f64::from(facts.rate_centihertz) / 100.0,
+            _ => 0.0,
+        },
+        None => 0.0,
+    };
+    // The device answers between two ticks: what is sent right after an answer waits for the next one.
+    let asked = Instant::now();
+    client.request_done(&Request::Alive)?;
+    let there_and_back = asked.elapsed();
+    let tick = Duration::from_secs_f64(1.0 / f64::from(client.hello().tick_hz.max(1)));
+    let way = there_and_back - there_and_back.saturating_sub(tick) / 2;
+    let passed = (start.elapsed() + way).as_secs_f64() * rate * f64::from(status.speed) / 256.0;
+    let now = frame + passed;
+    let whole = now.floor();
+    let fraction = ((now - whole) * 65536.0).min(65535.0) as u16;
+    client.command(Command::Sync { frame: whole as u32, fraction })?;
+    Ok(now)
+}
+
 /// An action that is one command, and what is said when it is done.
 fn command(action: &Action) -> Result<(Command, &'static str)> {
     Ok(match *action {
@@ -175,11 +221,6 @@ fn command(action: &Action) -> Result<(Command, &'static str)> {
         Action::Pause => (Command::Pause, "paused"),
         Action::Resume => (Command::Resume, "goes on"),
         Action::Seek { frame } => (Command::Seek { frame }, "fades there"),
-        Action::Sync { frame } => {
-            let whole = frame.floor();
-            let fraction = ((frame - whole) * 65536.0).min(65535.0) as u16;
-            (Command::Sync { frame: whole as u32, fraction }, "follows")
-        }
         Action::Stop => (Command::Stop, "stops"),
         Action::Home => (Command::Home, "goes home"),
         Action::Trigger => (Command::Trigger, "triggered"),
@@ -214,11 +255,18 @@ fn write(
     bar.set_style(ProgressStyle::with_template("{bar:30} {bytes}/{total_bytes}")?);
     let start = Instant::now();
     let upload = Upload { clip, name, bytes: &bytes };
-    upload_again(&port.name, port.baud, upload, patience, &mut |bytes| bar.set_position(bytes as u64))
+    let key = port.key()?;
+    upload_again(port.line(key.as_ref()), upload, patience, &mut |bytes| bar.set_position(bytes as u64))
         .with_context(|| format!("cannot upload {}", file.display()))?;
     bar.finish_and_clear();
     let seconds = start.elapsed().as_secs_f64();
-    let text = format!("clip {clip} \"{name}\": {} bytes in {seconds:.1} s, checked", bytes.len());
+    let unnamed = match Facts::of(&bytes) {
+        Ok(Facts { names: None, .. }) => {
+            "; the clip does not name its channels, so that the device has compared only their number"
+        }
+        _ => "",
+    };
+    let text = format!("clip {clip} \"{name}\": {} bytes in {seconds:.1} s, checked{unnamed}", bytes.len());
     Ok((text, json!({ "clip": clip, "name": name, "bytes": bytes.len(), "seconds": seconds })))
 }
 

@@ -38,7 +38,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let parts = StreamedClip::new(&bytes).with_context(|| format!("{name} cannot be streamed"))?;
     let settings =
         Settings { hold_millis: args.hold, patience: Duration::from_secs(args.retry), plays: true };
-    let report = stream(&args.port.name, args.port.baud, &parts, settings, &mut |_| ())
+    let key = args.port.key()?;
+    let report = stream(args.port.line(key.as_ref()), &parts, settings, &mut |_| ())
         .with_context(|| format!("cannot stream {name}"))?;
     let (needs, carries) = (parts.bits_per_second().round(), report.bits_per_second().round());
     let Streaming { progress, counters } =

@@ -2,7 +2,7 @@
 
 mod hosts;
 
-pub use hosts::{Hosts, Listener};
+pub use hosts::{GUESTS, HELLO_MILLIS, HOSTS, Hosts, Key, Listener};
 
 use crate::flash::Flash;
 use anyhow::{Context, Result, anyhow, bail};
@@ -60,6 +60,8 @@ pub struct Config {
     pub trigger_clip: Option<u16>,
     /// How streams are played.
     pub stream: Settings,
+    /// What hosts have to have the key of.
+    pub key: Option<Key>,
 }
 
 impl Default for Config {
@@ -71,6 +73,7 @@ impl Default for Config {
             idle_clip: None,
             trigger_clip: None,
             stream: Settings { ahead_millis: 200, lost_millis: 2000, limits: Limits::MAX },
+            key: None,
         }
     }
 }
@@ -107,7 +110,7 @@ pub fn run_device(map: &Map, config: &Config, listener: Listener, ended: &dyn Fn
     let mut surroundings = RealTime {
         map,
         device: Device::new(identity),
-        hosts: Hosts::new(listener),
+        hosts: Hosts::new(listener, config.key),
         ended,
         power_on,
         start: Instant::now(),
@@ -145,8 +148,7 @@ fn worker(live: &'static Live<'static>) -> Worker<'static, 'static> {
 fn store(config: &Config) -> Result<Store<Flash<SECTOR>>> {
     let sectors = (config.flash_kib * 1024 / SECTOR).max(3);
     let flash = match &config.flash {
-        Some(path) => Flash::open(path, sectors)
-            .with_context(|| format!("cannot keep the device's flash in {}", path.display()))?,
+        Some(path) => Flash::open(path, sectors)?,
         None => Flash::new(sectors),
     };
     let sector = SECTOR as u32;
@@ -195,7 +197,7 @@ impl Surroundings<Clips<'_, '_, Flash<SECTOR>>, MAX_SERVOS> for RealTime<'_> {
         let millis = micros(self.power_on.elapsed()) / 1000;
         let told = Feedback { late: self.late, ..*feedback };
         device.tick(machine, &told, millis as u32, micros(self.busy) as u32);
-        hosts.serve(|session, bytes| device.serve(session, bytes, machine, feedback));
+        hosts.serve(millis as u32, |session, bytes| device.serve(session, bytes, machine, feedback));
         !(self.ended)()
     }
 

@@ -2,6 +2,7 @@
 
 use super::port::Port;
 use firmware::link::frame::{Deframer, Frame, OVERHEAD, wire_len, write};
+use firmware::link::key::{HmacKey, proof};
 use firmware::link::message::{
     ANSWER_BYTES, Answer, Event, Hello, REQUEST_BYTES, Refusal, Request, Response, Telemetry, VERSION,
 };
@@ -53,6 +54,12 @@ pub enum LinkError {
         /// How long.
         time: Duration,
     },
+    /// It only speaks with those who have its key.
+    #[error("{port} needs a key: name the file that has it with --key-file")]
+    NeedsKey {
+        /// The line's name.
+        port: String,
+    },
     /// It speaks another version of the protocol.
     #[error(
         "{port} speaks version {device} of the link, this program version {VERSION}: bring the older one up to date"
@@ -92,6 +99,24 @@ impl LinkError {
     }
 }
 
+/// Where a device is.
+#[derive(Clone, Copy, Debug)]
+pub struct Line<'a> {
+    /// Its port: of a serial line, or `tcp:HOST:PORT`.
+    pub name: &'a str,
+    /// Bits per second of a serial line.
+    pub baud: u32,
+    /// The key, where the line needs one.
+    pub key: Option<&'a HmacKey>,
+}
+
+impl<'a> From<&'a str> for Line<'a> {
+    /// A line without a key, at the usual rate.
+    fn from(name: &'a str) -> Self {
+        Self { name, baud: 115_200, key: None }
+    }
+}
+
 /// A session with a device.
 pub struct Client {
     name: String,
@@ -105,11 +130,12 @@ pub struct Client {
 }
 
 impl Client {
-    /// Opens a line ([`Port::open`]) and begins a session.
+    /// Opens a line ([`Port::open`]) and begins a session; proves that it has the key where the device asks.
     ///
     /// # Errors
     /// [`LinkError`]; within some seconds.
-    pub fn open(name: &str, baud: u32) -> Result<Self, LinkError> {
+    pub fn open<'a>(line: impl Into<Line<'a>>) -> Result<Self, LinkError> {
+        let Line { name, baud, key } = line.into();
         let port =
             Port::open(name, baud).map_err(|error| LinkError::Open { port: name.to_owned(), error })?;
         let hello = Hello {
@@ -137,7 +163,12 @@ impl Client {
         // Two programs that begin in the same nanosecond are not expected.
         let time = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let session = time.subsec_nanos() ^ (time.as_secs() as u32).rotate_left(16) ^ std::process::id();
-        match client.request(&Request::Hello { version: VERSION, session })? {
+        let mut answer = client.request(&Request::Hello { version: VERSION, session })?;
+        if let Response::Challenge { nonce } = &answer {
+            let key = key.ok_or_else(|| LinkError::NeedsKey { port: name.to_owned() })?;
+            answer = client.request(&Request::Prove { proof: &proof(key, nonce, session) })?;
+        }
+        match answer {
             Response::Hello(hello) => client.hello = hello,
             other => return Err(client.unexpected(&other)),
         }

@@ -1,6 +1,6 @@
 //! A clip block by block while it plays.
 
-use super::client::{Client, LinkError};
+use super::client::{Client, Line, LinkError};
 use anyhow::{Result, anyhow, bail};
 use decoder_core::Limits;
 use decoder_core::mclip::{Clip, PREFIX_BYTES, Prefix};
@@ -129,8 +129,7 @@ impl Report {
 /// # Errors
 /// [`LinkError`]; a sentence about the fault that ended it.
 pub fn stream(
-    name: &str,
-    baud: u32,
+    line: Line<'_>,
     parts: &StreamedClip<'_>,
     settings: Settings,
     told: &mut dyn FnMut(&Telemetry),
@@ -145,7 +144,7 @@ pub fn stream(
         heard: Instant::now(),
         report: Report { blocks: 0, breaks: 0, carried: (0, Duration::ZERO), last: None },
     };
-    let mut client = Client::open(name, baud)?;
+    let mut client = Client::open(line)?;
     run.begin(&mut client)?;
     let mut broken: Option<Instant> = None;
     loop {
@@ -167,7 +166,7 @@ pub fn stream(
                         return Err(error);
                     }
                     std::thread::sleep(Duration::from_millis(50));
-                    if let Ok(client) = Client::open(name, baud) {
+                    if let Ok(client) = Client::open(line) {
                         break client;
                     }
                 };

@@ -1,8 +1,10 @@
 //! A clip into a device's flash.
 
-use super::client::{Client, JOB_TIME, LinkError};
+use super::client::{Client, JOB_TIME, Line, LinkError};
+use firmware::demands::Facts;
 use firmware::link::frame::crc32;
-use firmware::link::message::{ClipInfo, Request, Response};
+use firmware::link::message::{ClipInfo, Refusal, Request, Response};
+use firmware::store::StoreError;
 use std::time::{Duration, Instant};
 
 /// What is uploaded.
@@ -27,6 +29,7 @@ pub fn upload(
     progress: &mut dyn FnMut(usize),
 ) -> Result<(), LinkError> {
     let Upload { clip, name, bytes } = upload;
+    check(client, bytes)?;
     let len = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
     let begin = Request::Begin { clip, name, bytes: len, crc: crc32([bytes]) };
     let mut next = wanted(client, &begin)?;
@@ -48,6 +51,24 @@ pub fn upload(
     client.request_done(&Request::Commit)
 }
 
+/// Whether the puppet can play a clip, asked before a byte of it is sent. A device that does not know the question says so at the
+/// end of the upload.
+fn check(client: &mut Client, bytes: &[u8]) -> Result<(), LinkError> {
+    let demands = match client.request(&Request::Demands) {
+        Ok(Response::Demands(demands)) => demands,
+        Ok(_) | Err(LinkError::Refused { refusal: Refusal::Unknown, .. }) => return Ok(()),
+        Err(error) => return Err(error),
+    };
+    let Ok(facts) = Facts::of(bytes) else { return Ok(()) };
+    let checked = demands.check(&facts).map_err(StoreError::Play).map_err(Refusal::Store);
+    checked.map_err(|refusal| LinkError::Refused { port: client.name().to_owned(), refusal })
+}
+
+/// Whether an upload goes on already; after a line has broken it may be the own one.
+fn is_busy(error: &LinkError) -> bool {
+    matches!(error, LinkError::Refused { refusal: Refusal::Store(StoreError::Busy), .. })
+}
+
 /// The byte that the device wants next.
 fn wanted(client: &mut Client, request: &Request<'_>) -> Result<u32, LinkError> {
     match client.request_until_ready(request)? {
@@ -61,8 +82,7 @@ fn wanted(client: &mut Client, request: &Request<'_>) -> Result<u32, LinkError> 
 /// # Errors
 /// As [`upload`], and the last line's error.
 pub fn upload_again(
-    name: &str,
-    baud: u32,
+    line: Line<'_>,
     what: Upload<'_>,
     patience: Duration,
     progress: &mut dyn FnMut(usize),
@@ -75,10 +95,11 @@ pub fn upload_again(
             }
             progress(bytes);
         };
-        let result = Client::open(name, baud).and_then(|mut client| upload(&mut client, what, &mut told));
+        let result = Client::open(line).and_then(|mut client| upload(&mut client, what, &mut told));
         match result {
             Err(error)
-                if (error.is_broken() || most > 0 && matches!(error, LinkError::Open { .. }))
+                if (error.is_broken()
+                    || most > 0 && (matches!(error, LinkError::Open { .. }) || is_busy(&error)))
                     && advanced.elapsed() < patience =>
             {
                 std::thread::sleep(Duration::from_millis(100));

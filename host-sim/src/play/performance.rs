@@ -87,6 +87,10 @@ impl<'d> Library for Shelf<'d> {
         Ok(frames)
     }
 
+    fn has(&self, clip: u16) -> bool {
+        usize::from(clip) < self.0.len()
+    }
+
     fn close(&mut self, frames: Staged<'d>) {
         if let Some(free) = self.0.get_mut(usize::from(frames.clip)) {
             free.push(frames);

@@ -112,6 +112,44 @@ impl<S: Read + Write, T: DelayNs> SerialBus<S, T> {
         }
     }
 
+    /// Whether a servo answers a ping, which it does whatever its Status Return Level is.
+    pub async fn is_there(&mut self, id: u8) -> bool {
+        match self {
+            Self::Dynamixel(bus) => bus.client().ping(id).await.is_ok(),
+            Self::Dynamixel1(bus) => bus.client().ping(id).await.is_ok(),
+            Self::Feetech(bus) => bus.client().ping(id).await.is_ok(),
+            Self::Blender(_) => false,
+        }
+    }
+
+    /// Reads the bytes of a servo's table from `address` on.
+    ///
+    /// # Errors
+    /// [`BusError`]; [`BusError::Unsupported`] where servos cannot be read, or have no such address.
+    pub async fn read_registers(&mut self, id: u8, address: u16, data: &mut [u8]) -> Result<(), BusError> {
+        let short = u8::try_from(address).map_err(|_| BusError::Unsupported);
+        match self {
+            Self::Dynamixel(bus) => bus.client().read(id, address, data).await.map(drop),
+            Self::Dynamixel1(bus) => bus.client().read(id, short?, data).await.map(drop),
+            Self::Feetech(bus) => bus.client().read(id, short?, data).await.map(drop),
+            Self::Blender(_) => Err(BusError::Unsupported),
+        }
+    }
+
+    /// Writes bytes into a servo's table from `address` on.
+    ///
+    /// # Errors
+    /// [`BusError`]; [`BusError::Unsupported`] where servos have no table, or no such address.
+    pub async fn write_registers(&mut self, id: u8, address: u16, data: &[u8]) -> Result<(), BusError> {
+        let short = u8::try_from(address).map_err(|_| BusError::Unsupported);
+        match self {
+            Self::Dynamixel(bus) => bus.client().write(id, address, data).await.map(drop),
+            Self::Dynamixel1(bus) => bus.client().write(id, short?, data).await.map(drop),
+            Self::Feetech(bus) => bus.client().write(id, short?, data).await.map(drop),
+            Self::Blender(_) => Err(BusError::Unsupported),
+        }
+    }
+
     /// Asks all servos at once who they are, where the protocol can: gives those that answered.
     ///
     /// # Errors
@@ -263,19 +301,34 @@ pub fn paths(on: &str, names: &[String], wanted: impl Fn(usize) -> bool) -> Resu
     Ok(paths.into_iter().flatten().collect())
 }
 
-/// Opens all buses of a puppet, each at its path.
+/// Opens all buses of a puppet, each at its path, in the order of the map.
+///
+/// # Errors
+/// Those of [`SerialBus::open`].
+pub fn open_each(map: &Map, paths: &[String]) -> Result<Vec<SerialBus>> {
+    map.buses().iter().zip(paths).map(|(spec, path)| SerialBus::open(*spec, path)).collect()
+}
+
+/// As [`open_each`], as one bus.
 ///
 /// # Errors
 /// Those of [`SerialBus::open`].
 pub fn open(map: &Map, paths: &[String]) -> Result<Buses> {
-    let mut buses = heapless::Vec::new();
-    for (index, (spec, path)) in (0..).zip(map.buses().iter().zip(paths)) {
-        let bus = SerialBus::open(*spec, path)?;
-        if buses.push((bus, map.on_bus(index).len())).is_err() {
+    join(map, open_each(map, paths)?)
+}
+
+/// The buses of a puppet as one.
+///
+/// # Errors
+/// A sentence where there are more than a map has.
+pub fn join(map: &Map, buses: Vec<SerialBus>) -> Result<Buses> {
+    let mut joined = heapless::Vec::new();
+    for (index, bus) in (0..).zip(buses) {
+        if joined.push((bus, map.on_bus(index).len())).is_err() {
             bail!("a puppet has at most {MAX_BUSES} buses");
         }
     }
-    Ok(JoinedBuses::new(buses))
+    Ok(JoinedBuses::new(joined))
 }
 
 #[cfg(test)]

@@ -108,33 +108,59 @@ const ENTRIES: &[Entry] = &[
     ro(table::PRESENT_TEMPERATURE, TEMPERATURE, 0),
 ];
 
-/// The two blocks of indirect addresses (2 bytes each) and the data (1 byte each) that they lead to, 28 of each.
-const INDIRECT: [(u16, u16); 2] = [(168, 224), (578, 634)];
-const INDIRECT_COUNT: u16 = 28;
+/// Indirect addresses (2 bytes each) from the first number on, and the data (1 byte each) from the second on that they
+/// lead to: so many.
+type Indirect = (u16, u16, u16);
 
-/// All values of the table, in order of address within each kind.
-pub(crate) fn entries() -> impl Iterator<Item = Entry> {
-    let indirect = INDIRECT.into_iter().flat_map(|(addresses, data)| {
-        (0..INDIRECT_COUNT).flat_map(move |i| {
-            let address = Register { address: addresses + 2 * i, len: 2 };
-            let byte = Register { address: data + i, len: 1 };
-            [rw(address, i64::from(data + i), 64, 661), rw(byte, 0, 0, 255)]
-        })
-    });
-    ENTRIES.iter().copied().chain(indirect)
+/// Which table a servo has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Layout {
+    /// That of an XM430-W350, and of most of the X series.
+    X,
+    /// That of XL330 and XC330, whose indirect data lie elsewhere. What else is different is not simulated.
+    X330,
 }
 
-/// The value whose first byte is at `address`.
-pub(crate) fn entry_at(address: u16) -> Option<Entry> {
-    entries().find(|entry| entry.register.address == address)
-}
+impl Layout {
+    /// The table of the servos with this model number.
+    pub const fn of(model: i64) -> Self {
+        match model {
+            1190 | 1200 | 1210 | 1220 | 1230 | 1240 => Self::X330,
+            _ => Self::X,
+        }
+    }
 
-/// The register that says which address the indirect data at `address` stands for.
-pub(crate) fn indirect_address(address: u16) -> Option<Register> {
-    INDIRECT
-        .into_iter()
-        .find(|&(_, data)| (data..data + INDIRECT_COUNT).contains(&address))
-        .map(|(addresses, data)| Register { address: addresses + 2 * (address - data), len: 2 })
+    const fn indirect(self) -> &'static [Indirect] {
+        match self {
+            Self::X => &[(168, 224, 28), (578, 634, 28)],
+            Self::X330 => &[(168, 208, 20)],
+        }
+    }
+
+    /// All values of the table, in order of address within each kind.
+    pub fn entries(self) -> impl Iterator<Item = Entry> {
+        let indirect = self.indirect().iter().flat_map(|&(addresses, data, count)| {
+            (0..count).flat_map(move |i| {
+                let address = Register { address: addresses + 2 * i, len: 2 };
+                let byte = Register { address: data + i, len: 1 };
+                [rw(address, i64::from(data + i), 64, 661), rw(byte, 0, 0, 255)]
+            })
+        });
+        ENTRIES.iter().copied().chain(indirect)
+    }
+
+    /// The value whose first byte is at `address`.
+    pub fn entry_at(self, address: u16) -> Option<Entry> {
+        self.entries().find(|entry| entry.register.address == address)
+    }
+
+    /// The register that says which address the indirect data at `address` stands for.
+    pub fn indirect_address(self, address: u16) -> Option<Register> {
+        self.indirect()
+            .iter()
+            .find(|&&(_, data, count)| (data..data + count).contains(&address))
+            .map(|&(addresses, data, _)| Register { address: addresses + 2 * (address - data), len: 2 })
+    }
 }
 
 #[cfg(test)]
@@ -143,23 +169,27 @@ mod tests {
 
     #[test]
     fn entries_do_not_overlap_and_hold_their_defaults() {
-        let mut used = [false; SIZE];
-        for entry in entries() {
-            let Register { address, len } = entry.register;
-            for byte in address..address + len {
-                assert!(!std::mem::replace(&mut used[usize::from(byte)], true), "{byte} is used twice");
+        for layout in [Layout::X, Layout::X330] {
+            let mut used = [false; SIZE];
+            for entry in layout.entries() {
+                let Register { address, len } = entry.register;
+                for byte in address..address + len {
+                    assert!(!std::mem::replace(&mut used[usize::from(byte)], true), "{byte} is used twice");
+                }
+                let in_range = (entry.min..=entry.max).contains(&entry.default);
+                assert!(in_range, "the default at {address} is out of range");
             }
-            let in_range = (entry.min..=entry.max).contains(&entry.default);
-            assert!(in_range, "the default at {address} is out of range");
         }
     }
 
     #[test]
     fn indirect_data_stand_for_themselves_at_first() {
         for (data, register) in [(224, 168), (251, 222), (634, 578), (661, 632)] {
-            assert_eq!(indirect_address(data).map(|register| register.address), Some(register));
-            assert_eq!(entry_at(register).unwrap().default, i64::from(data));
+            assert_eq!(Layout::X.indirect_address(data).map(|register| register.address), Some(register));
+            assert_eq!(Layout::X.entry_at(register).unwrap().default, i64::from(data));
         }
-        assert_eq!(indirect_address(252), None);
+        assert_eq!(Layout::X.indirect_address(252), None);
+        let of_x330 = |data| Layout::X330.indirect_address(data).map(|register| register.address);
+        assert_eq!([208, 227, 228].map(of_x330), [Some(168), Some(206), None]);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::config::ServoConfig;
 use crate::control_table::{
-    ACCELERATION_UNIT, INPUT_VOLTAGE, MOTOR_SPEED, MULTI_TURN_LIMIT, TEMPERATURE, VELOCITY_UNIT,
+    ACCELERATION_UNIT, INPUT_VOLTAGE, Layout, MOTOR_SPEED, MULTI_TURN_LIMIT, SIZE, TEMPERATURE, VELOCITY_UNIT,
 };
 use crate::group::SimulatedServo;
 use crate::memory::{Change, Memory};
@@ -14,6 +14,11 @@ use servo_wire::dynamixel::table::*;
 const VELOCITY_MODE: i64 = 1;
 /// Position mode, within one turn.
 const POSITION_MODE: i64 = 3;
+/// Position mode without limits, and the same with a limit of the current.
+const EXTENDED_POSITION_MODE: i64 = 4;
+const CURRENT_BASED_POSITION_MODE: i64 = 5;
+/// The first firmware that has Fast Sync Read and Fast Bulk Read.
+const FAST_READ_FIRMWARE: i64 = 45;
 /// Bits of Drive Mode (10).
 const REVERSE: i64 = 0x01;
 const TIME_BASED: i64 = 0x04;
@@ -40,7 +45,7 @@ pub(crate) struct DynamixelServo {
 impl DynamixelServo {
     pub fn new(config: ServoConfig) -> Self {
         let mut servo = Self {
-            memory: Memory::new(),
+            memory: Memory::new(Layout::X),
             motion: Motion::new(f64::from(config.position)),
             registered: None,
             now_us: 0,
@@ -144,7 +149,9 @@ impl DynamixelServo {
             _ => return Err(ErrorNumber::DataRange),
         };
         let shaft = self.shaft();
-        let old = std::mem::replace(&mut self.memory, Memory::new());
+        let old = std::mem::replace(&mut self.memory, Memory::new(Layout::X));
+        self.become_model(old.get(MODEL_NUMBER));
+        self.memory.set(FIRMWARE_VERSION, old.get(FIRMWARE_VERSION));
         for &register in kept {
             self.memory.set(register, old.get(register));
         }
@@ -180,6 +187,39 @@ impl DynamixelServo {
             self.motion.position = f64::from(position);
             self.publish();
         }
+    }
+
+    /// Writes into the table what the servo itself might refuse; one byte where no register begins.
+    pub fn set(&mut self, address: u16, value: i64) {
+        let entry = self.memory.layout().entry_at(address);
+        let register = entry.map_or(Register { address, len: 1 }, |entry| entry.register);
+        if register == MODEL_NUMBER {
+            self.become_model(value);
+        } else if usize::from(address) < SIZE {
+            self.memory.set(register, value);
+        }
+        self.publish();
+    }
+
+    /// Takes the table of a model.
+    fn become_model(&mut self, model: i64) {
+        self.memory = self.memory.in_layout(Layout::of(model));
+        self.memory.set(MODEL_NUMBER, model);
+    }
+
+    /// Whether its firmware has Fast Sync Read and Fast Bulk Read.
+    pub fn has_fast_reads(&self) -> bool {
+        self.memory.get(FIRMWARE_VERSION) >= FAST_READ_FIRMWARE
+    }
+
+    /// Whether a goal position moves it: by its mode, and by the power that it is allowed.
+    fn obeys_positions(&self) -> bool {
+        let allowed = match self.mode() {
+            POSITION_MODE | EXTENDED_POSITION_MODE => true,
+            CURRENT_BASED_POSITION_MODE => self.memory.get(GOAL_CURRENT) != 0,
+            _ => false,
+        };
+        allowed && self.memory.get(GOAL_PWM) != 0 && self.memory.get(PWM_LIMIT) != 0
     }
 
     /// Lets time pass until `now_us`.
@@ -290,7 +330,8 @@ impl DynamixelServo {
 
     /// Starts moving for a goal that was written.
     fn set_off(&mut self, goal: Register) {
-        if !self.torque() || (goal == GOAL_VELOCITY) != (self.mode() == VELOCITY_MODE) {
+        let obeys = if goal == GOAL_VELOCITY { self.mode() == VELOCITY_MODE } else { self.obeys_positions() };
+        if !self.torque() || !obeys {
             return;
         }
         let (profile_velocity, profile_acceleration) =
@@ -431,5 +472,9 @@ impl SimulatedServo for DynamixelServo {
 
     fn turn(&mut self, position: i32) {
         self.turn(position);
+    }
+
+    fn set(&mut self, address: u16, value: i64) {
+        self.set(address, value);
     }
 }

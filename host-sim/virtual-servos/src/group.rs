@@ -11,6 +11,7 @@ pub(crate) trait SimulatedServo {
     fn advance_to(&mut self, now_us: u64);
     fn reboot(&mut self);
     fn turn(&mut self, position: i32);
+    fn set(&mut self, address: u16, value: i64);
 }
 
 /// The servos of a bus.
@@ -81,6 +82,9 @@ impl<S: SimulatedServo> ServoGroup<S> {
             Disturbance::Cut { seconds } => self.cut_until_us = now_us + micros(seconds),
             Disturbance::Turn { servo, position } => {
                 with(servo).into_iter().for_each(|servo| servo.turn(position));
+            }
+            Disturbance::Set { servo, address, value } => {
+                with(servo).into_iter().for_each(|servo| servo.set(address, value));
             }
         }
     }

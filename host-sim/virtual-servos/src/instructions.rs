@@ -181,8 +181,8 @@ fn fast_read(servos: &[DynamixelServo], packet: &Packet<'_>, answers: &mut Answe
         checksum
     };
     for (place, item) in items.iter().enumerate() {
-        let Some(servo) = servos.iter().find(|servo| servo.id() == item.id && servo.return_level() > 0)
-        else {
+        let answers = |servo: &&DynamixelServo| servo.return_level() > 0 && servo.has_fast_reads();
+        let Some(servo) = servos.iter().filter(answers).find(|servo| servo.id() == item.id) else {
             return;
         };
         if place == 0 {

@@ -1,6 +1,6 @@
 //! The control table as bytes, with its rules for reading and writing.
 
-use crate::control_table::{self, Entry, SIZE};
+use crate::control_table::{Entry, Layout, SIZE};
 use servo_wire::dynamixel::ErrorNumber;
 use servo_wire::dynamixel::table::{RAM_START, Register};
 
@@ -8,6 +8,7 @@ use servo_wire::dynamixel::table::{RAM_START, Register};
 #[derive(Clone)]
 pub(crate) struct Memory {
     bytes: [u8; SIZE],
+    layout: Layout,
 }
 
 /// A value about to be written.
@@ -19,23 +20,35 @@ pub(crate) struct Change {
 
 impl Memory {
     /// As it leaves the factory.
-    pub fn new() -> Self {
-        let mut memory = Self { bytes: [0; SIZE] };
-        for entry in control_table::entries() {
+    pub fn new(layout: Layout) -> Self {
+        let mut memory = Self { bytes: [0; SIZE], layout };
+        for entry in layout.entries() {
             memory.set(entry.register, entry.default);
         }
         memory
     }
 
+    /// The same values in the table of another model.
+    pub fn in_layout(&self, layout: Layout) -> Self {
+        let mut memory = Self::new(layout);
+        memory.bytes[..168].copy_from_slice(&self.bytes[..168]);
+        memory
+    }
+
+    /// Which table it is.
+    pub const fn layout(&self) -> Layout {
+        self.layout
+    }
+
     /// RAM as after power on; EEPROM as it was.
     pub fn restart(&mut self) {
         let start = usize::from(RAM_START);
-        self.bytes[start..].copy_from_slice(&Self::new().bytes[start..]);
+        self.bytes[start..].copy_from_slice(&Self::new(self.layout).bytes[start..]);
     }
 
     /// The value of a register, signed where the model says so.
     pub fn get(&self, register: Register) -> i64 {
-        let signed = control_table::entry_at(register.address).is_some_and(|entry| entry.min < 0);
+        let signed = self.layout.entry_at(register.address).is_some_and(|entry| entry.min < 0);
         value(self.raw(register.address, register.len), signed)
     }
 
@@ -52,7 +65,7 @@ impl Memory {
 
     /// Where the byte at `address` really is: indirect data may lie elsewhere.
     fn resolve(&self, address: u16) -> u16 {
-        match control_table::indirect_address(address) {
+        match self.layout.indirect_address(address) {
             Some(register) => {
                 u16::from_le_bytes([self.raw(register.address, 2)[0], self.raw(register.address, 2)[1]])
             }
@@ -75,7 +88,7 @@ impl Memory {
             return Err(ErrorNumber::Access);
         }
         let range = address..address + len;
-        let defined = control_table::entries().any(|Entry { register, .. }| {
+        let defined = self.layout.entries().any(|Entry { register, .. }| {
             register.address < range.end && range.start < register.address + register.len
         });
         if !defined {
@@ -100,7 +113,7 @@ impl Memory {
         let mut changes = Vec::new();
         let mut at = 0;
         while let Some(&target) = targets.get(at) {
-            let entry = control_table::entry_at(target).ok_or(ErrorNumber::Access)?;
+            let entry = self.layout.entry_at(target).ok_or(ErrorNumber::Access)?;
             if !entry.writable || (locked && target < RAM_START) {
                 return Err(ErrorNumber::Access);
             }
@@ -137,7 +150,7 @@ mod tests {
 
     #[test]
     fn values_keep_their_sign() {
-        let mut memory = Memory::new();
+        let mut memory = Memory::new(Layout::X);
         for position in [0, -1, 1_048_575, -1_048_575] {
             memory.set(PRESENT_POSITION, position);
             assert_eq!(memory.get(PRESENT_POSITION), position);
@@ -148,7 +161,7 @@ mod tests {
 
     #[test]
     fn reads_gaps_as_zero_but_not_a_gap_alone() {
-        let memory = Memory::new();
+        let memory = Memory::new(Layout::X);
         assert_eq!(memory.read(65, 4), Ok(vec![0, 0, 0, 2]));
         assert_eq!(memory.read(66, 2), Err(ErrorNumber::Access));
         assert_eq!(memory.read(661, 1), Ok(vec![0]));
@@ -159,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_write_must_fit_its_registers() {
-        let memory = Memory::new();
+        let memory = Memory::new(Layout::X);
         let change = |register, value| Change { register, value };
         assert_eq!(memory.changes(116, &[1, 0, 0, 0], true), Ok(vec![change(GOAL_POSITION, 1)]));
         assert_eq!(
@@ -181,7 +194,7 @@ mod tests {
     #[test]
     fn indirect_data_stand_for_other_addresses() {
         // The manual's two examples: LED at indirect data 1, Goal Position at 2 to 5.
-        let mut memory = Memory::new();
+        let mut memory = Memory::new(Layout::X);
         for (i, target) in [65, 116, 117, 118, 119].into_iter().enumerate() {
             memory.set(Register { address: 168 + 2 * i as u16, len: 2 }, target);
         }
@@ -198,7 +211,7 @@ mod tests {
 
     #[test]
     fn a_restart_forgets_ram_only() {
-        let mut memory = Memory::new();
+        let mut memory = Memory::new(Layout::X);
         memory.set(ID, 9);
         memory.set(LED, 1);
         memory.restart();

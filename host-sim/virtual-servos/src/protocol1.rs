@@ -64,6 +64,24 @@ impl Protocol1Servo {
         self.memory[usize::from(self.model.torque_at)] != 0
     }
 
+    /// The lowest and the highest position that it takes.
+    fn limits(&self) -> (i32, i32) {
+        (self.word(self.model.limits_at), self.word(self.model.limits_at + 2))
+    }
+
+    /// Whether a goal moves it: by its mode, and by the torque that it is allowed.
+    fn obeys_positions(&self) -> bool {
+        let takes_positions = match self.model.mode_at {
+            Some(at) => self.memory[usize::from(at)] == 0,
+            None => self.limits() != (0, 0),
+        };
+        takes_positions && self.word(self.model.torque_limit_at) != 0
+    }
+
+    fn reads_answered(&self) -> bool {
+        self.model.feetech || self.memory[usize::from(self.model.level_at)] > 0
+    }
+
     fn answers_all(&self) -> bool {
         self.memory[usize::from(self.model.level_at)] >= self.model.level_all
     }
@@ -94,12 +112,15 @@ impl Protocol1Servo {
             self.drive();
             return Ok(None);
         };
-        let limits = (self.word(self.model.limits_at), self.word(self.model.limits_at + 2));
-        if !self.model.feetech && !(limits.0..=limits.1).contains(&goal) {
+        // Limits of 0 and 0 are none: the servo turns round and round.
+        let limits = Some(self.limits()).filter(|limits| *limits != (0, 0));
+        if let (false, Some((lowest, highest))) = (self.model.feetech, limits)
+            && !(lowest..=highest).contains(&goal)
+        {
             self.memory = before;
             return Err(BAD_ANGLE);
         }
-        let goal = goal.min(limits.1).max(limits.0);
+        let goal = limits.map_or(goal, |(lowest, highest)| goal.min(highest).max(lowest));
         self.set(goal_at, self.model.bytes(goal as u16));
         self.drive();
         Ok(Some(goal))
@@ -107,7 +128,7 @@ impl Protocol1Servo {
 
     /// Sets off for the goal, or lets go.
     fn drive(&mut self) {
-        if self.torque() {
+        if self.torque() && self.obeys_positions() {
             let goal = f64::from(self.word(self.model.goal_at));
             self.motion.go_to(goal, self.model.speed, f64::INFINITY, true);
         } else {
@@ -172,6 +193,23 @@ impl SimulatedServo for Protocol1Servo {
             self.motion.position = f64::from(position);
             self.publish();
         }
+    }
+
+    fn set(&mut self, address: u16, value: i64) {
+        let Ok(at) = u8::try_from(address) else { return };
+        let known = self.model.registers.iter().find(|register| register.at == at);
+        let limit = [self.model.limits_at, self.model.limits_at + 2].contains(&at);
+        if at == self.model.model_at || limit || known.is_some_and(|register| register.len == 2) {
+            // Model numbers have their low byte first, whatever the rest has.
+            let low_first = at == self.model.model_at;
+            let bytes = if low_first { (value as u16).to_le_bytes() } else { self.model.bytes(value as u16) };
+            self.set(at, bytes);
+        } else if let Some(byte) = self.memory.get_mut(usize::from(at)) {
+            *byte = value as u8;
+        }
+        let ram = self.model.ram;
+        self.stored.copy_from_slice(&self.memory[..ram]);
+        self.drive();
     }
 }
 
@@ -272,8 +310,9 @@ impl Instructions<'_> {
             }
             _ => {
                 let Some(servo) = servos.iter_mut().find(|servo| servo.id() == id) else { return };
-                let read = [Instruction::Ping as u8, Instruction::Read as u8].contains(&code);
-                let answers = read || servo.answers_all();
+                let ping = code == Instruction::Ping as u8;
+                let read = code == Instruction::Read as u8 && servo.reads_answered();
+                let answers = ping || read || servo.answers_all();
                 let silent = self.model.feetech && code == Instruction::Reboot as u8;
                 let done = self.carry_out(servo, code, parameters);
                 if !answers || silent {

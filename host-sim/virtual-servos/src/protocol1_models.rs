@@ -1,7 +1,8 @@
 //! The control tables of servos that speak the frame of protocol 1.0.
 //!
 //! Sources: e-Manual, "AX-12A" and "MX-28" (protocol 1.0); Feetech, memory tables of "STS3215" and of the SCS
-//! series, whose lock is at 48. What nothing here acts on (gains, torque limits, speeds) can be written and read, and has no effect.
+//! series, whose lock is at 48. What nothing here acts on (gains, speeds, a torque limit above 0) can be written and
+//! read, and has no effect.
 
 /// Registers that lie one behind the other: where, how many bytes each, what they are at first.
 pub(crate) struct Register {
@@ -56,6 +57,10 @@ pub(crate) struct Model {
     /// Lowest and highest position.
     pub limits_at: u8,
     pub torque_at: u8,
+    /// Where it says how much of its torque it may use.
+    pub torque_limit_at: u8,
+    /// Where it says whether it takes positions, by 0; `None` where position limits of 0 and 0 say that it does not.
+    pub mode_at: Option<u8>,
     pub goal_at: u8,
     pub present_at: u8,
     pub moving_at: u8,
@@ -111,6 +116,8 @@ const AX: Model = Model {
     level_all: 2,
     limits_at: 6,
     torque_at: 24,
+    torque_limit_at: 34,
+    mode_at: None,
     goal_at: 30,
     present_at: 36,
     moving_at: 46,
@@ -190,6 +197,8 @@ const STS: Model = Model {
     level_all: 1,
     limits_at: 9,
     torque_at: 40,
+    torque_limit_at: 48,
+    mode_at: Some(33),
     goal_at: 42,
     present_at: 56,
     moving_at: 66,
@@ -197,13 +206,16 @@ const STS: Model = Model {
     registers: &STS_TABLE,
 };
 
-/// An SCS0009: 60° in 0.1 s at 6 V, 1024 in 300°.
+/// An SCS0009 but for its number: 60° in 0.1 s at 6 V. The usual SCS has 1024 in 200°, and its number is not known here.
 const SCS: Model = Model {
-    number: 1284,
+    number: 0,
     most: 1023,
     speed: 1024.0 / 5.0 / 0.1,
     big_endian: true,
     sync_read: false,
+    // It has no other: its Max Torque.
+    torque_limit_at: 16,
+    mode_at: None,
     lock_at: Some(48),
     registers: &SCS_TABLE,
     ..STS

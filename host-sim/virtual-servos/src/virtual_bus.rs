@@ -58,6 +58,16 @@ pub enum Disturbance {
         /// To this position, in the servo's goal units.
         position: i32,
     },
+    /// Somebody else writes a value into the servo's table, whatever the servo itself would take: a wrong operating mode,
+    /// an old firmware, another model.
+    Set {
+        /// Id of the servo.
+        servo: u8,
+        /// Address of the value's first byte.
+        address: u16,
+        /// The value, cut to the length of the register.
+        value: i64,
+    },
 }
 
 /// Microseconds that a servo takes to start.
@@ -69,6 +79,7 @@ impl Disturbance {
     pub const fn servo(&self) -> Option<u8> {
         match *self {
             Self::Restart { servo } | Self::Silence { servo, .. } | Self::Turn { servo, .. } => Some(servo),
+            Self::Set { servo, .. } => Some(servo),
             Self::Cut { .. } => None,
         }
     }

@@ -17,8 +17,6 @@ use mocap::{Clip, sample};
 use puppet_file::Map;
 use std::time::{Duration, Instant};
 
-const BAUD: u32 = 115_200;
-
 fn encode(clip: &Clip) -> Vec<u8> {
     let encoder = Encoder::new(&clip.skeleton, &clip.motion).unwrap();
     encoder.encode(&Encoding::new(CodecId::Dpcm), Quality::Bits(7)).unwrap()
@@ -58,7 +56,7 @@ fn a_session(map: &Map, clips: [&Clip; 3], conceals: bool) {
     let mut config = Config::default();
     config.stream.lost_millis = lost_millis;
     with_device(map, &config, |port| {
-        let mut client = Client::open(port, BAUD).unwrap();
+        let mut client = Client::open(port).unwrap();
         assert_eq!(usize::from(client.hello().servos), map.joints().len());
         assert_eq!(client.hello().tick_hz, map.tick_hz());
         until(&mut client, "at rest", |told| told.state == State::Resting);
@@ -105,7 +103,7 @@ fn a_session(map: &Map, clips: [&Clip; 3], conceals: bool) {
         let parts = StreamedClip::new(&third).unwrap();
         let settings = streaming::Settings { hold_millis, patience: Duration::ZERO, plays: true };
         let mut cut = false;
-        let failed = stream(cutter.port(), BAUD, &parts, settings, &mut |told| {
+        let failed = stream(cutter.port().into(), &parts, settings, &mut |told| {
             // As soon as nothing more can wait in the device than is soon played.
             if !cut && told.stream.is_some_and(|stream| stream.counters.played > 0) {
                 cutter.cut(false);
@@ -162,11 +160,11 @@ fn an_upload_goes_on_over_lines_that_break() {
         let cutter = Cutter::start(port, 3000);
         let what = Upload { clip: 1, name: "cut", bytes: &bytes };
         let mut told = Vec::new();
-        upload_again(cutter.port(), BAUD, what, Duration::from_secs(10), &mut |bytes| told.push(bytes))
+        upload_again(cutter.port().into(), what, Duration::from_secs(10), &mut |bytes| told.push(bytes))
             .unwrap();
         assert!(cutter.cuts() >= bytes.len() / 3000 && cutter.cuts() > 1, "{} cuts", cutter.cuts());
         assert!(told.is_sorted(), "what has arrived is not sent again: {told:?}");
-        let mut client = Client::open(port, BAUD).unwrap();
+        let mut client = Client::open(port).unwrap();
         let found = list(&mut client).unwrap();
         assert_eq!((found.len(), found[0].crc), (1, firmware::link::frame::crc32([&bytes[..]])));
     });
@@ -186,7 +184,7 @@ fn a_stream_goes_on_over_lines_that_break_for_a_moment() {
         let settings =
             streaming::Settings { hold_millis: 3000, patience: Duration::from_secs(5), plays: true };
         let mut cuts = 0;
-        let report = stream(cutter.port(), BAUD, &parts, settings, &mut |told| {
+        let report = stream(cutter.port().into(), &parts, settings, &mut |told| {
             let frame =
                 told.playing.filter(|playing| playing.clip == LIVE).map_or(0, |playing| playing.frame);
             if frame > 100 * (cuts + 1) && cuts < 3 {
@@ -214,10 +212,10 @@ fn a_stream_that_is_refused_leaves_nothing_behind() {
         let parts = StreamedClip::new(&bytes).unwrap();
         let hold_millis = 300;
         let settings = streaming::Settings { hold_millis, patience: Duration::ZERO, plays: true };
-        let error = stream(port, BAUD, &parts, settings, &mut |_| {}).unwrap_err();
+        let error = stream(port.into(), &parts, settings, &mut |_| {}).unwrap_err();
         assert!(format!("{error:#}").contains("the clip has 1 channels, expected 31"), "{error:#}");
         std::thread::sleep(Duration::from_millis(u64::from(hold_millis) * 2));
-        let mut client = Client::open(port, BAUD).unwrap();
+        let mut client = Client::open(port).unwrap();
         assert_eq!(until(&mut client, "heard", |_| true).fault, None);
     });
 }
@@ -227,7 +225,7 @@ fn several_hosts_at_once() {
     let clip = sample::clip();
     let map = map("sample.toml", &clip.skeleton);
     with_device(&map, &Config::default(), |port| {
-        let mut hosts: Vec<Client> = (0..3).map(|_| Client::open(port, BAUD).unwrap()).collect();
+        let mut hosts: Vec<Client> = (0..3).map(|_| Client::open(port).unwrap()).collect();
         for host in &mut hosts {
             until(host, "heard", |_| true);
             host.command(Command::Home).unwrap();
@@ -255,7 +253,7 @@ fn a_pseudo_terminal_is_a_serial_port() {
             scope.spawn(|| run_device(&map, &Config::default(), listener, &|| ended.load(Ordering::Relaxed)));
         let bytes = encode(&clip);
         let uploaded = (0..2).try_for_each(|clip| {
-            let mut client = Client::open(&port, BAUD)?;
+            let mut client = Client::open(port.as_str())?;
             upload(&mut client, Upload { clip, name: "serial", bytes: &bytes }, &mut |_| ())
         });
         ended.store(true, Ordering::Relaxed);

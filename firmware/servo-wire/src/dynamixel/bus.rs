@@ -1,13 +1,16 @@
 //! Servos of the X series as a [`ServoBus`]: a Sync Write and a Fast Sync Read each tick.
 //!
+//! What a servo says to a ping decides how it is read. One with an old firmware has no Fast Sync Read, so its bus is
+//! read by Sync Read. XL330 and XC330 have their indirect data elsewhere, so they are read by a joint read of their own.
+//!
 //! What a tick reads lies apart in the control table; indirect addresses bring it together
 //! ([`DynamixelClient::set_indirect`]), once for each servo and again after its restart.
 
-use super::client::{Answer, DynamixelClient, joint_answer_len};
+use super::client::{Answer, DynamixelClient, Ping, joint_answer_len};
 use super::packet::{OVERHEAD, max_packet_len};
 use super::sync_write::{goal_positions, goal_positions_len};
 use super::table::{
-    BUS_WATCHDOG, GOAL_POSITION, HARDWARE_ERROR_STATUS, INDIRECT_DATA, PRESENT_CURRENT,
+    BUS_WATCHDOG, GOAL_POSITION, HARDWARE_ERROR_STATUS, INDIRECT_DATA, INDIRECT_DATA_X330, PRESENT_CURRENT,
     PRESENT_INPUT_VOLTAGE, PRESENT_POSITION, PRESENT_TEMPERATURE, Register, TORQUE_ENABLE,
 };
 use crate::bus::{BusError, ERROR_ALERT, ERROR_WATCHDOG, Goal, MAX_SERVOS, Reading, ServoBus};
@@ -49,6 +52,20 @@ const ADDRESSES: [u16; BLOCK_LEN] = {
     addresses
 };
 
+/// Joint reads in a row that may fail while their servos answer when they are asked alone. As many mean that a servo has
+/// no Fast Sync Read, whatever its firmware says.
+const FAST_TRIES: u8 = 3;
+
+/// Whether a servo knows Fast Sync Read: from firmware 45 on, an MX from 42 on (e-Manual, "Fast Sync Read").
+const fn knows_fast_reads(model: u16, firmware: u8) -> bool {
+    firmware >= if matches!(model, 30 | 311 | 321) { 42 } else { 45 }
+}
+
+/// Whether a servo is of the series XL330 or XC330.
+const fn is_x330(model: u16) -> bool {
+    matches!(model, 1190 | 1200 | 1210 | 1220 | 1230 | 1240)
+}
+
 /// Milliseconds that the servo's watchdog counts in.
 const WATCHDOG_UNIT_MS: u16 = 20;
 
@@ -76,18 +93,26 @@ pub struct DynamixelBus<U, D, T, const N: usize = 640> {
 struct Reader<U, D, T, const N: usize> {
     client: DynamixelClient<U, D, T, N>,
     fast: bool,
+    /// Fast joint reads in a row that failed although a servo of theirs answered alone.
+    fast_failures: u8,
+    /// The last joint read was fast, and nobody answered it.
+    fast_unanswered: bool,
     /// A bit for each servo: its indirect addresses are set.
     set_up: u32,
+    /// A bit for each servo: it is an XL330 or XC330.
+    x330: u32,
 }
 
 impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelBus<U, D, T, N> {
-    /// A bus that reads by Fast Sync Read.
+    /// A bus that reads by Fast Sync Read, as long as all its servos know it.
     pub const fn new(client: DynamixelClient<U, D, T, N>) -> Self {
-        Self { reader: Reader { client, fast: true, set_up: 0 }, schedule: ReadSchedule::new() }
+        let reader =
+            Reader { client, fast: true, fast_failures: 0, fast_unanswered: false, set_up: 0, x330: 0 };
+        Self { reader, schedule: ReadSchedule::new() }
     }
 
-    /// Reads by plain Sync Read instead, which servos with a firmware before version 45 need (MX: before 42). An
-    /// answer then takes 11 bytes and a return delay more.
+    /// Reads by plain Sync Read from the start. An answer then takes 11 bytes and a return delay more. A bus does so by
+    /// itself once it has found a servo with a firmware before version 45 (MX: before 42).
     #[must_use]
     pub const fn with_plain_reads(mut self) -> Self {
         self.reader.fast = false;
@@ -112,11 +137,13 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> DynamixelBus<U, 
 
     /// Longest time in microseconds that [`read_all`](ServoBus::read_all) takes: two joint reads and three exchanges
     /// with one servo, in a tick in which a servo falls silent; or one joint read and eight exchanges, when servos
-    /// come back.
+    /// come back. Where there are XL330 or XC330 among others, a joint read is two.
     #[must_use]
     pub const fn read_limit_us(line: &LineConfig, servos: usize) -> u32 {
         let answers = servos.saturating_mul(max_packet_len(1 + BLOCK_LEN));
-        let joint = line.exchange_limit_us(max_packet_len(servos.saturating_add(4)), answers, servos);
+        let joint = line
+            .exchange_limit_us(max_packet_len(servos.saturating_add(4)), answers, servos)
+            .saturating_add(line.exchange_limit_us(max_packet_len(servos.saturating_add(4)), 0, 1));
         let falling = joint.saturating_add(Self::single_limit_us(line, SET_UP_EXCHANGES));
         let rising = Self::single_limit_us(line, PROBE_EXCHANGES);
         joint.saturating_add(if falling > rising { falling } else { rising })
@@ -138,22 +165,28 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> Reader<U, D, T, 
         self.set_up |= bit(index);
         Ok(())
     }
-}
 
-impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoReader for Reader<U, D, T, N> {
-    fn is_set_up(&self, index: usize) -> bool {
-        self.set_up & bit(index) != 0
+    /// Notes who the servo is.
+    fn note(&mut self, index: usize, who: Ping) {
+        self.fast &= knows_fast_reads(who.model, who.firmware);
+        self.x330 = if is_x330(who.model) { self.x330 | bit(index) } else { self.x330 & !bit(index) };
     }
 
-    async fn read_together(
+    /// Where the servo's indirect data begin.
+    const fn data(&self, index: usize) -> u16 {
+        if self.x330 & bit(index) == 0 { INDIRECT_DATA } else { INDIRECT_DATA_X330 }
+    }
+
+    /// One joint read of the servos at these places, whose indirect data all begin at `data`.
+    async fn read_group(
         &mut self,
+        data: u16,
         ids: &[u8],
         places: &[u8],
         readings: &mut [Option<Reading>],
     ) -> Result<(), BusError> {
         let mut asked = Vec::<u8, MAX_SERVOS>::new();
         let known = places.iter().filter_map(|&place| ids.get(usize::from(place)).copied());
-        // There is room for as many; `collect` panics where there are more.
         known.take(MAX_SERVOS).for_each(|id| {
             let _ = asked.push(id);
         });
@@ -176,13 +209,48 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoReader for 
         };
         let len = BLOCK_LEN as u16;
         let result = match fast {
-            true => self.client.fast_sync_read(INDIRECT_DATA, len, &asked, each).await,
-            false => self.client.sync_read(INDIRECT_DATA, len, &asked, each).await,
+            true => self.client.fast_sync_read(data, len, &asked, each).await,
+            false => self.client.sync_read(data, len, &asked, each).await,
         };
         self.set_up &= !restarted;
+        self.fast_unanswered = fast && result.is_err();
+        if result.is_ok() {
+            self.fast_failures = 0;
+        }
         result?;
         let good = places.iter().any(|&place| readings.get(usize::from(place)).is_some_and(Option::is_some));
         if good { Ok(()) } else { Err(BusError::Corrupt) }
+    }
+}
+
+impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoReader for Reader<U, D, T, N> {
+    fn is_set_up(&self, index: usize) -> bool {
+        self.set_up & bit(index) != 0
+    }
+
+    async fn read_together(
+        &mut self,
+        ids: &[u8],
+        places: &[u8],
+        readings: &mut [Option<Reading>],
+    ) -> Result<(), BusError> {
+        let mut result = Err(BusError::TooMany);
+        for data in [INDIRECT_DATA, INDIRECT_DATA_X330] {
+            let mut group = Vec::<u8, MAX_SERVOS>::new();
+            let own = |place: &&u8| self.data(usize::from(**place)) == data;
+            // There is room for as many; `collect` panics where there are more.
+            places.iter().filter(own).take(MAX_SERVOS).for_each(|&place| {
+                let _ = group.push(place);
+            });
+            if group.is_empty() {
+                continue;
+            }
+            result = match (self.read_group(data, ids, &group, readings).await, result) {
+                (Ok(()), _) | (_, Ok(())) => Ok(()),
+                (Err(error), _) => Err(error),
+            };
+        }
+        result
     }
 
     async fn read_alone(&mut self, id: u8, index: usize) -> Result<Reading, BusError> {
@@ -190,7 +258,11 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoReader for 
             self.prepare(id, index).await?;
         }
         let mut data = [0; BLOCK_LEN];
-        let alert = self.client.read(id, INDIRECT_DATA, &mut data).await?;
+        let alert = self.client.read(id, self.data(index), &mut data).await?;
+        if core::mem::take(&mut self.fast_unanswered) {
+            self.fast_failures = self.fast_failures.saturating_add(1);
+            self.fast = self.fast_failures < FAST_TRIES;
+        }
         reading(&Answer { alert, data: &data }).ok_or_else(|| {
             self.set_up &= !bit(index);
             BusError::Corrupt
@@ -237,7 +309,8 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoBus for Dyn
     /// Also sets up what a tick reads of the servo.
     async fn ping(&mut self, ids: &[u8], index: usize) -> Result<(), BusError> {
         let id = *ids.get(index).ok_or(BusError::TooMany)?;
-        self.reader.client.ping(id).await?;
+        let who = self.reader.client.ping(id).await?;
+        self.reader.note(index, who);
         self.reader.prepare(id, index).await?;
         self.schedule.note_answer(index);
         Ok(())

@@ -30,6 +30,9 @@ pub const INDIRECT_ADDRESS: u16 = 168;
 /// Address of the first of 28 bytes that stand for what the indirect addresses name.
 pub const INDIRECT_DATA: u16 = 224;
 
+/// The same of the series XL330 and XC330, which have 20 indirect addresses.
+pub(crate) const INDIRECT_DATA_X330: u16 = 208;
+
 macro_rules! registers {
     ($($(#[$doc:meta])* $name:ident = $address:literal, $len:literal;)*) => {
         $($(#[$doc])* pub const $name: Register = Register::new($address, $len);)*

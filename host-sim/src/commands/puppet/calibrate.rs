@@ -5,7 +5,7 @@ use firmware::map::BusSpec;
 use host_sim::ports::{self, SerialBus};
 use host_sim::puppet::calibrate::{Measured, write_measured};
 use host_sim::puppet::channels;
-use puppet_file::{NamedServo, Puppet, goal_range};
+use puppet_file::{NamedServo, Puppet, Units};
 use servo_wire::bus::{Reading, ServoBus};
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::PathBuf;
@@ -82,7 +82,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let zero = look(bus, servo)?.position;
         say(&format!("     its zero is {zero}. Now to both of its ends. Enter."));
         let (min, max) = ends(bus, servo, &lines)?;
-        let (lowest, highest) = goal_range(specs[servo.bus].kind);
+        let Units { lowest, highest, .. } = Units::of(specs[servo.bus].kind, servo.model);
         if min < lowest || max > highest {
             say(&format!(
                 "     {min} to {max} is not within {lowest} to {highest}: mount its horn turned, and measure again. Left \

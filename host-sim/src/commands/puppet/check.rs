@@ -1,5 +1,6 @@
 //! `bunraku puppet check`.
 
+use super::on_port::OnPort;
 use crate::commands::joints::Table;
 use anyhow::{Context, Result};
 use firmware::limits::FINE_BITS;
@@ -17,10 +18,13 @@ use std::process::ExitCode;
 /// Check a puppet.toml: every mistake with its line, then its joints, and what a tick costs on its buses.
 ///
 /// With a clip also the range that each joint moves in, and where the clip leaves a joint's range, or is faster or more sudden
-/// than the joint may be; the player then does what the joint can. Exits with 1 where there is a mistake, or a tick does not fit on a bus.
+/// than the joint may be; the player then does what the joint can. With a port also what the servos there are set to and should not be:
+/// operating mode, position limits, torque limit, profile and more. Exits with 1 where there is a mistake, a tick does not fit on a
+/// bus, or a servo is missing or set wrong.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  bunraku puppet check puppets/cmu-20.toml --skeleton 02.asf --clip walk.mclip"
+    after_help = "Examples:\n  bunraku puppet check puppets/cmu-20.toml --skeleton 02.asf --clip walk.mclip\n  \
+    bunraku puppet check my-puppet.toml --on /dev/ttyUSB0\n  bunraku puppet check my-puppet.toml --on /dev/ttyUSB0 --fix"
 )]
 pub struct Args {
     /// The puppet.
@@ -34,6 +38,15 @@ pub struct Args {
     /// Microseconds that servos wait before they answer: 0 as it should be set, 500 as from the factory.
     #[arg(long, value_name = "US", default_value_t = 0.0)]
     return_delay: f64,
+    /// Read what the servos on this serial port are set to (NAME=PORT,NAME=PORT for a puppet with several buses).
+    #[arg(long, value_name = "PORT")]
+    on: Option<String>,
+    /// Set right what is set wrong, and read it back.
+    #[arg(long, requires = "on")]
+    fix: bool,
+    /// Let servos go that hold, where something is set that is kept without power: a puppet that they hold up falls.
+    #[arg(long, requires = "fix")]
+    torque_off: bool,
     /// Report as JSON.
     #[arg(long)]
     json: bool,
@@ -51,6 +64,8 @@ struct Report<'a> {
     fits: bool,
     /// What the player makes of the clip.
     in_clip: Option<Table>,
+    /// What the servos on a port are set to.
+    servos: Option<OnPort>,
 }
 
 #[derive(Serialize)]
@@ -103,13 +118,19 @@ pub fn run(args: Args) -> Result<ExitCode> {
         .as_ref()
         .map(|(path, clip)| Table::of_clip(path, clip, clip.rate_centihertz(), &puppet, &map, &channels));
     let in_clip = in_clip.transpose()?;
-    let report = Report { in_clip, ..report(&puppet, &map, &channels, args.return_delay, demands) };
+    let servos = match &args.on {
+        Some(on) => Some(OnPort::look(on, &puppet, &map, args.fix, args.torque_off)?),
+        None => None,
+    };
+    let report = Report { in_clip, servos, ..report(&puppet, &map, &channels, args.return_delay, demands) };
     if args.json {
         println!("{:#}", serde_json::to_value(&report)?);
     } else {
         print(&report, &args.clip);
+        report.servos.iter().for_each(OnPort::print);
     }
-    Ok(if report.fits { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    let good = report.fits && report.servos.as_ref().is_none_or(OnPort::is_good);
+    Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn report<'a>(
@@ -157,6 +178,7 @@ fn report<'a>(
         fits: micros <= tick_micros,
         buses,
         in_clip: None,
+        servos: None,
     }
 }
 

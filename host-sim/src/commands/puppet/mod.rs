@@ -5,6 +5,7 @@ mod calibrate;
 mod check;
 mod jog;
 mod new;
+mod on_port;
 mod scan;
 mod set_id;
 

@@ -1,7 +1,7 @@
 //! What a usual servo of each kind can do.
 
 use firmware::map::BusKind;
-use puppet_file::{goal_range, goals_per_degree};
+use puppet_file::Units;
 
 /// A servo in position mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,8 +35,8 @@ impl Servo {
             BusKind::Blender => (352.0, 115_200, "MG996R"),
             BusKind::Pwm | BusKind::Pca9685 => (352.0, 50, "MG996R"),
         };
-        let (lowest, highest) = goal_range(kind);
-        Self { kind, lowest, highest, goals_per_degree: goals_per_degree(kind), speed, baud, model }
+        let Units { lowest, highest, per_degree: goals_per_degree } = Units::of(kind, None);
+        Self { kind, lowest, highest, goals_per_degree, speed, baud, model }
     }
 
     /// The goal in the middle.
