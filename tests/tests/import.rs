@@ -185,7 +185,7 @@ fn a_table_of_goals_goes_to_a_puppet_and_back() {
             "{told}"
         );
         done(at, &["decode", "a.mclip", "--puppet", "p.toml", "-o", "back.csv"]);
-        let back = std::fs::read_to_string(at.join("back.csv")).unwrap();
+        let back = fs::read_to_string(at.join("back.csv")).unwrap();
         let mut lines = back.lines();
         assert_eq!(lines.next(), Some("time,nod.goal,jaw.goal"));
         for (line, frame) in lines.zip(0..) {

@@ -60,6 +60,7 @@ pub fn table(report: &Report) -> String {
             if let (Some(Pole { frames, worst: near }), Some(first)) = (pole, joints.first())
                 && near == worst
                 && *worst > POLE_TOLD
+                && !is_smoothed
             {
                 text += &format!(
                     "{bone} is worst where it points along the axis of {first}, to within {:.0}° ({:.1} % of the frames): there two \
