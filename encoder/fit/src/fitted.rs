@@ -332,7 +332,7 @@ impl Recording {
         let mut max_speed = [f64::INFINITY; MOST_JOINTS];
         joints().zip(&mut max_speed).for_each(|(joint, speed)| *speed = joint.max_speed);
         let mut way = Track { fps: self.fps, max_speed }.best(&chain.candidates(wanted)).0;
-        chain.settle(&mut way, wanted, self.fps);
+        chain.settle(&mut way, wanted, self.fps, &max_speed);
         let off: Vec<f64> =
             way.iter().zip(wanted).map(|(values, wanted)| chain.off(&radians(values), wanted)).collect();
         for (place, joint) in joints().enumerate() {
