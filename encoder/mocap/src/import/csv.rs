@@ -6,9 +6,9 @@
 //! degrees, unless the caller says another unit or the name ends in `_rad`. Fields are separated by commas, semicolons or
 //! tabs, with decimal points.
 
-use super::Options;
 use super::error::ImportError;
 use super::imported::Imported;
+use super::options::Options;
 use super::text::{self, quote};
 use super::timed::Timed;
 use super::values::{self, Values};

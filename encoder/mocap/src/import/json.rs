@@ -20,10 +20,10 @@ use std::f64::consts::TAU;
 
 use serde_json::{Map, Value};
 
-use super::Options;
 use super::csv::TIME;
 use super::error::ImportError;
 use super::imported::Imported;
+use super::options::Options;
 use super::text::{self, quote};
 use super::timed::Timed;
 use super::values::{self, GOAL, Values, is_open, split};

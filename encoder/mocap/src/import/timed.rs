@@ -3,8 +3,9 @@
 use super::error::ImportError;
 use super::imported::Imported;
 use super::names::Names;
+use super::options::Options;
+use super::rate;
 use super::values::{self, GOAL};
-use super::{Options, rate};
 use crate::angles::IDENTITY;
 use crate::clip::Clip;
 use crate::motion::Motion;

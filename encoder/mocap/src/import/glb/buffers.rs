@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
-use super::{Buffer, Document, Wrong};
+use super::document::{Buffer, Document, Wrong};
 
 /// The JSON, and the binary chunk of a GLB; of a `.gltf`, the file itself.
 pub(super) fn chunks(bytes: &[u8]) -> Option<(&[u8], Option<&[u8]>)> {

@@ -1,7 +1,7 @@
 //! The keys of an animation, and its values between them.
 
 use super::buffers::numbers;
-use super::{Animation, Document, Interpolation, Sampler, Wrong};
+use super::document::{Animation, Document, Interpolation, Sampler, Wrong};
 
 /// Values of a node over time.
 pub(super) struct Keys<const N: usize> {

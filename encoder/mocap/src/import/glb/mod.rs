@@ -4,14 +4,13 @@
 //! Lengths in it are metres. A `.gltf` has its data in the text, or in files beside it.
 
 mod buffers;
+mod document;
 mod keys;
 mod tree;
 
 use std::path::Path;
 
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use serde_json::Value;
 
 use super::bones::set_bones;
 use super::error::ImportError;
@@ -19,127 +18,12 @@ use super::imported::Imported;
 use super::rate;
 use crate::clip::Clip;
 use crate::motion::Motion;
-use crate::quaternion;
+use document::{Document, Node, Wrong};
 use keys::Track;
 use tree::Tree;
 
-const CM_PER_METRE: f64 = 100.0;
-
 /// Most values in the motion that is made: a small file may say that it lasts for years.
 const MOST_VALUES: f64 = 5e7;
-
-#[derive(Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-struct Document {
-    nodes: Vec<Node>,
-    animations: Vec<Animation>,
-    accessors: Vec<Accessor>,
-    buffer_views: Vec<BufferView>,
-    buffers: Vec<Buffer>,
-}
-
-#[derive(Deserialize)]
-struct Buffer {
-    uri: Option<String>,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default)]
-struct Node {
-    name: Option<String>,
-    children: Vec<usize>,
-    translation: Option<[f64; 3]>,
-    rotation: Option<[f64; 4]>,
-    scale: Option<[f64; 3]>,
-    matrix: Option<[f64; 16]>,
-    mesh: Option<usize>,
-}
-
-impl Node {
-    /// Its rotation where nothing moves it.
-    fn rest(&self) -> [f64; 4] {
-        self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0])
-    }
-
-    /// Translation, rotation and scale of a node that has a matrix instead; it has none of them then.
-    fn split_matrix(&mut self) -> Result<(), Wrong> {
-        let Some(columns) = self.matrix.take() else { return Ok(()) };
-        let column = |k: usize| [columns[4 * k], columns[4 * k + 1], columns[4 * k + 2]];
-        let [x, y, z] = [0, 1, 2].map(column);
-        let length = |axis: [f64; 3]| axis.iter().map(|part| part * part).sum::<f64>().sqrt();
-        let scale = [x, y, z].map(length);
-        let right_handed = x[0] * (y[1] * z[2] - y[2] * z[1])
-            + x[1] * (y[2] * z[0] - y[0] * z[2])
-            + x[2] * (y[0] * z[1] - y[1] * z[0])
-            > 0.0;
-        if !right_handed || !scale.iter().all(|part| part.is_normal()) {
-            let shown = self.name.as_deref().unwrap_or("without a name").escape_debug().to_string();
-            return Err((format!("a mirrored or flat node ({shown})"), "a matrix that turns and scales"));
-        }
-        let turn = std::array::from_fn(|row| [x[row] / scale[0], y[row] / scale[1], z[row] / scale[2]]);
-        self.translation = Some(column(3));
-        self.rotation = Some(quaternion::of_matrix(&turn));
-        self.scale = Some(scale);
-        Ok(())
-    }
-}
-
-#[derive(Deserialize)]
-struct Animation {
-    name: Option<String>,
-    channels: Vec<AnimationChannel>,
-    samplers: Vec<Sampler>,
-}
-
-#[derive(Deserialize)]
-struct AnimationChannel {
-    sampler: usize,
-    target: Target,
-}
-
-#[derive(Deserialize)]
-struct Target {
-    node: Option<usize>,
-    path: String,
-}
-
-#[derive(Deserialize)]
-struct Sampler {
-    input: usize,
-    output: usize,
-    #[serde(default)]
-    interpolation: Interpolation,
-}
-
-#[derive(Clone, Copy, Default, Deserialize, PartialEq)]
-#[serde(rename_all = "UPPERCASE")]
-enum Interpolation {
-    #[default]
-    Linear,
-    Step,
-    CubicSpline,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Accessor {
-    buffer_view: Option<usize>,
-    #[serde(default)]
-    byte_offset: usize,
-    component_type: u32,
-    count: usize,
-    sparse: Option<Value>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct BufferView {
-    buffer: usize,
-    #[serde(default)]
-    byte_offset: usize,
-    byte_length: usize,
-    byte_stride: Option<usize>,
-}
 
 /// Parses a file: `file` is its name for messages, `folder` where files beside it are. `fps` is the rate at which the animation is sampled; without it the rate
 /// of its keys, or 30 where they are sparse.
@@ -162,8 +46,6 @@ pub fn parse(
         expected: expected.to_string(),
     })
 }
-
-type Wrong = (String, &'static str);
 
 fn read(bytes: &[u8], folder: Option<&Path>, fps: Option<f64>) -> Result<Imported, Wrong> {
     let (json, binary) =
@@ -246,8 +128,8 @@ fn timing(
 mod tests {
     use super::*;
     use crate::kinematics::Kinematics;
-    use crate::{angles, export, sample};
-    use serde_json::json;
+    use crate::{angles, export, quaternion, sample};
+    use serde_json::{Value, json};
 
     /// A file of these nodes, whose animation has the times 0, 0.5 and 1 s and for each channel the node, path,
     /// interpolation and values.

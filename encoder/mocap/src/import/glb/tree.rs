@@ -1,7 +1,7 @@
 //! The nodes that become joints, and where their channels come from.
 
+use super::document::{CM_PER_METRE, Node, Wrong};
 use super::keys::Track;
-use super::{CM_PER_METRE, Node, Wrong};
 use crate::angles::{self, IDENTITY, Matrix};
 use crate::import::names::Names;
 use crate::quaternion;
