@@ -9,7 +9,7 @@ use firmware::link::message::{Request, Response, Telemetry};
 use firmware::machine::{Command, State};
 use host_sim::files;
 use host_sim::link::upload::{Upload, list, upload_again};
-use host_sim::link::{Client, Line, key_file};
+use host_sim::link::{Client, Line, PATIENCE, key_file};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -42,6 +42,9 @@ pub struct Port {
     /// Bits per second of a serial port.
     #[arg(long, default_value_t = 115_200)]
     pub baud: u32,
+    /// Seconds for which a device that does not answer is asked again; an emulated one may be slow.
+    #[arg(long, value_name = "SECONDS", default_value_t = PATIENCE.as_secs(), global = true)]
+    pub patience: u64,
     /// The file with the key, where the device needs one.
     #[arg(long, value_name = "FILE", global = true)]
     pub key_file: Option<PathBuf>,
@@ -55,7 +58,7 @@ impl Port {
 
     /// The line, with that key.
     pub fn line<'a>(&'a self, key: Option<&'a HmacKey>) -> Line<'a> {
-        Line { name: &self.name, baud: self.baud, key }
+        Line { name: &self.name, baud: self.baud, key, patience: Duration::from_secs(self.patience) }
     }
 
     /// Begins a session.

@@ -16,10 +16,10 @@ use thiserror::Error;
 /// Time in which a device answers; then it is asked again.
 const ANSWER_TIME: Duration = Duration::from_millis(300);
 
-/// How often a device is asked.
-const TRIES: u32 = 10;
+/// Time for which a device is asked again, where nothing else is said.
+pub const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Time that a job of many steps may take after which nothing has changed.
+/// Time that a job of many steps may take after which nothing has changed, or more where a line has more patience.
 pub const JOB_TIME: Duration = Duration::from_secs(30);
 
 /// Events that are kept until somebody asks for them.
@@ -108,18 +108,21 @@ pub struct Line<'a> {
     pub baud: u32,
     /// The key, where the line needs one.
     pub key: Option<&'a HmacKey>,
+    /// Time for which a device that does not answer is asked again.
+    pub patience: Duration,
 }
 
 impl<'a> From<&'a str> for Line<'a> {
-    /// A line without a key, at the usual rate.
+    /// A line without a key, at the usual rate and with the usual patience.
     fn from(name: &'a str) -> Self {
-        Self { name, baud: 115_200, key: None }
+        Self { name, baud: 115_200, key: None, patience: PATIENCE }
     }
 }
 
 /// A session with a device.
 pub struct Client {
     name: String,
+    patience: Duration,
     port: Port,
     deframer: Deframer<{ ANSWER_BYTES + OVERHEAD }>,
     /// Bytes that were read and not looked at.
@@ -135,7 +138,7 @@ impl Client {
     /// # Errors
     /// [`LinkError`]; within some seconds.
     pub fn open<'a>(line: impl Into<Line<'a>>) -> Result<Self, LinkError> {
-        let Line { name, baud, key } = line.into();
+        let Line { name, baud, key, patience } = line.into();
         let port =
             Port::open(name, baud).map_err(|error| LinkError::Open { port: name.to_owned(), error })?;
         let hello = Hello {
@@ -151,6 +154,7 @@ impl Client {
         };
         let mut client = Self {
             name: name.to_owned(),
+            patience,
             port,
             deframer: Deframer::new(),
             bytes: VecDeque::new(),
@@ -185,10 +189,15 @@ impl Client {
         &self.name
     }
 
+    /// Time for which the device is asked again where it does not answer.
+    pub const fn patience(&self) -> Duration {
+        self.patience
+    }
+
     /// Asks until it is answered.
     ///
     /// # Errors
-    /// [`LinkError`]; three seconds at most after the device said something last.
+    /// [`LinkError`]; [`Silent`](LinkError::Silent) where nothing is answered for as long as the line's patience.
     pub fn request(&mut self, request: &Request<'_>) -> Result<Response, LinkError> {
         let start = Instant::now();
         self.number = self.number.wrapping_add(1);
@@ -197,7 +206,9 @@ impl Client {
             Some(frame) => &*frame,
             None => return Err(self.unexpected_text("the request is longer than a frame")),
         };
-        for _ in 0..TRIES {
+        let mut tries = 0;
+        while tries == 0 || start.elapsed() < self.patience {
+            tries += 1;
             self.write(frame)?;
             let until = Instant::now() + ANSWER_TIME;
             while let Some((number, answer)) = self.next_answer(until)? {
@@ -212,7 +223,7 @@ impl Client {
                 }
             }
         }
-        Err(LinkError::Silent { port: self.name.clone(), tries: TRIES, time: start.elapsed() })
+        Err(LinkError::Silent { port: self.name.clone(), tries, time: start.elapsed() })
     }
 
     /// Asks for a job that takes many steps until it is done, and tells `step` of each answer.
@@ -222,7 +233,7 @@ impl Client {
     pub fn request_until_ready(&mut self, request: &Request<'_>) -> Result<Response, LinkError> {
         let start = Instant::now();
         let mut tries = 0;
-        while start.elapsed() < JOB_TIME {
+        while start.elapsed() < JOB_TIME.max(self.patience) {
             tries += 1;
             match self.request(request)? {
                 Response::Again => {}
@@ -281,12 +292,13 @@ impl Client {
     pub fn status(&mut self) -> Result<Telemetry, LinkError> {
         self.request_done(&Request::Telemetry { millis: u16::MAX })?;
         self.forget_events();
-        let telemetry = self.telemetry(ANSWER_TIME * TRIES)?;
+        let start = Instant::now();
+        let telemetry = self.telemetry(self.patience)?;
         self.request_done(&Request::Telemetry { millis: 0 })?;
         telemetry.ok_or_else(|| LinkError::Silent {
             port: self.name.clone(),
             tries: 1,
-            time: ANSWER_TIME * TRIES,
+            time: start.elapsed(),
         })
     }
 

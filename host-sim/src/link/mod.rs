@@ -12,4 +12,4 @@ pub mod port;
 pub mod streaming;
 pub mod upload;
 
-pub use client::{Client, Line, LinkError};
+pub use client::{Client, Line, LinkError, PATIENCE};

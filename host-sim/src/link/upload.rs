@@ -43,7 +43,7 @@ pub fn upload(
         next = wanted(client, &Request::Data { offset: next, bytes: data })?;
         if next > before {
             stuck = Instant::now();
-        } else if stuck.elapsed() > JOB_TIME {
+        } else if stuck.elapsed() > JOB_TIME.max(client.patience()) {
             return Err(client.unexpected(&Response::Upload { next }));
         }
     }
