@@ -223,6 +223,24 @@ impl fmt::Display for Error {
             Self::Truncated { field, at, needed, found } => {
                 write!(f, "byte {at}: {} should take {needed} bytes, but only {found} are left", field.name())
             }
+            Self::Malformed { field: Field::Magic, at, found, low, .. } => {
+                let (found, expected) = (found.to_le_bytes(), low.to_le_bytes());
+                let (found, expected) = (found.escape_ascii(), expected.escape_ascii());
+                write!(f, "byte {at}: the magic number is \"{found}\", expected \"{expected}\"")
+            }
+            Self::Malformed { field: Field::Version, at, found, .. } => {
+                write!(f, "byte {at}: found {found} behind the format version, expected 0")
+            }
+            // Sizes and lengths are the numbers that tables have.
+            Self::Malformed { field: Field::CodeTables, at, found, low, high } if low == high => {
+                write!(f, "byte {at}: the code tables take {low} bytes, but {found} are there")
+            }
+            Self::Malformed { field: Field::CodeTables, at, found, low, high } => {
+                write!(f, "byte {at}: a length in the code tables is {found}, expected {low} to {high}")
+            }
+            Self::Malformed { field, at, found, low, high } if low == high => {
+                write!(f, "byte {at}: {} is {found}, expected {low}", field.name())
+            }
             Self::Malformed { field, at, found, low, high } => {
                 write!(f, "byte {at}: {} is {found}, expected {low} to {high}", field.name())
             }
@@ -279,6 +297,32 @@ mod tests {
             (
                 Error::Malformed { field, at: 7, found: 9, low: 1, high: 8 },
                 "byte 7: hierarchy level is 9, expected 1 to 8",
+            ),
+            (
+                Error::Malformed { field: Field::Entry, at: 7, found: 0, low: 1, high: 1 },
+                "byte 7: entry flag of the first block is 0, expected 1",
+            ),
+            (
+                Error::Malformed {
+                    field: Field::Magic,
+                    at: 0,
+                    found: u32::from_le_bytes(*b"M\x1bLQ"),
+                    low: u32::from_le_bytes(*b"MCLP"),
+                    high: u32::from_le_bytes(*b"MCLP"),
+                },
+                "byte 0: the magic number is \"M\\x1bLQ\", expected \"MCLP\"",
+            ),
+            (
+                Error::Malformed { field: Field::Version, at: 6, found: 1, low: 0, high: 0 },
+                "byte 6: found 1 behind the format version, expected 0",
+            ),
+            (
+                Error::Malformed { field: Field::CodeTables, at: 12, found: 5, low: 4, high: 4 },
+                "byte 12: the code tables take 4 bytes, but 5 are there",
+            ),
+            (
+                Error::Malformed { field: Field::CodeTables, at: 12, found: 9, low: 0, high: 8 },
+                "byte 12: a length in the code tables is 9, expected 0 to 8",
             ),
             (Error::Encoding { field, at: 7 }, "byte 7: the hierarchy level cannot be read"),
             (

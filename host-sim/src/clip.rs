@@ -1,9 +1,11 @@
 //! A compressed clip of either kind.
 
+use crate::terminal;
 use anyhow::{Context, Result, bail};
 use decoder_core::{I16F16, Limits, mclip, qmd};
 use encoder::memory::OwnedMemory;
 use firmware::frames::Frames;
+use std::collections::HashSet;
 use std::path::Path;
 
 /// A clip in one of our two containers, which was checked.
@@ -19,6 +21,19 @@ pub fn is_mclip(bytes: &[u8]) -> bool {
     bytes.starts_with(&mclip::MAGIC)
 }
 
+/// Values that a clip may have, whatever its size: three quarters of an hour of 12 channels at 120 frames a second.
+const MOST_VALUES: u64 = 4_000_000;
+
+/// Values for each byte that a clip may have besides. A long movement has about four, a long rest has many more.
+const VALUES_PER_BYTE: u64 = 64;
+
+/// Most values of a clip of so many bytes that are decoded without being asked for. A few bytes may say that they are
+/// thousands of millions, and what is decoded is to take time and memory in proportion to the file.
+pub const fn most_values(bytes: usize) -> u64 {
+    let of_size = VALUES_PER_BYTE.saturating_mul(bytes as u64);
+    if of_size > MOST_VALUES { of_size } else { MOST_VALUES }
+}
+
 impl<'a> Clip<'a> {
     /// Checks the bytes of the file `path`, whose extension or first bytes say the container. Of a .mclip every block
     /// is decoded once, so that none is found damaged later.
@@ -26,21 +41,64 @@ impl<'a> Clip<'a> {
     /// # Errors
     /// A sentence that names the file and the byte.
     pub fn parse(path: &Path, bytes: &'a [u8]) -> Result<Self> {
+        let clip = Self::headers(path, bytes)?;
+        clip.check(path, false)?;
+        Ok(clip)
+    }
+
+    /// Checks all of the bytes of the file `path` but what its frames decode to: headers, names and checksums. Takes time in
+    /// proportion to the file.
+    ///
+    /// # Errors
+    /// A sentence that names the file and the byte.
+    pub fn headers(path: &Path, bytes: &'a [u8]) -> Result<Self> {
         let name = path.display();
         let extension = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mclip"));
         if extension || is_mclip(bytes) {
-            return Self::parse_mclip(bytes).with_context(|| format!("{name} is not a sound mclip"));
+            let clip = mclip::Clip::parse(bytes, Limits::MAX).and_then(mclip::Clip::verify);
+            let clip = clip.with_context(|| format!("{name} is not a sound mclip"))?;
+            if let Some(channel) = twice(&clip) {
+                bail!("{name} is not a sound mclip: the channel {channel} is there twice");
+            }
+            return Ok(Self::Mclip(clip));
         }
         let clip = qmd::Clip::parse(bytes, Limits::MAX);
         Ok(Self::Qmd(clip.with_context(|| format!("{name} is not a QMD clip"))?))
     }
 
-    fn parse_mclip(bytes: &'a [u8]) -> Result<Self, decoder_core::Error> {
-        let clip = mclip::Clip::parse(bytes, Limits::MAX)?;
-        let mut memory = OwnedMemory::new(clip.header().needs());
-        let mut decoder = clip.decoder(memory.lend())?;
-        while decoder.next_frame()?.is_some() {}
-        Ok(Self::Mclip(clip))
+    /// Decodes every frame of the clip at `path` once. One that is much longer than its size suggests is refused, unless
+    /// it may be `long`.
+    ///
+    /// # Errors
+    /// A sentence that names the file, and the byte or what it has too much of.
+    pub fn check(&self, path: &Path, long: bool) -> Result<()> {
+        self.check_length(path, long)?;
+        let Self::Mclip(clip) = self else { return Ok(()) };
+        let all = || -> Result<(), decoder_core::Error> {
+            let mut memory = OwnedMemory::new(clip.header().needs());
+            let mut decoder = clip.decoder(memory.lend())?;
+            while decoder.next_frame()?.is_some() {}
+            Ok(())
+        };
+        all().with_context(|| format!("{} is not a sound mclip", path.display()))
+    }
+
+    /// Refuses a clip that is much longer than its size suggests, unless it may be `long`.
+    ///
+    /// # Errors
+    /// A sentence that names the file and what it has too much of.
+    pub fn check_length(&self, path: &Path, long: bool) -> Result<()> {
+        let Self::Mclip(clip) = self else { return Ok(()) };
+        let (frames, channels, bytes) = (clip.frames(), clip.channels(), clip.bytes().len());
+        let (found, most) = (u64::from(frames) * channels as u64, most_values(bytes));
+        if found > most && !long {
+            bail!(
+                "{}: {frames} frames of {channels} channels in {bytes} bytes are {found} values, expected at most {most} of a \
+                 file of this size; `bunraku decode` and `bunraku play` take it with --long",
+                path.display()
+            );
+        }
+        Ok(())
     }
 
     /// Frames a second in hundredths; 0 where the clip does not say.
@@ -97,6 +155,15 @@ impl<'a> Clip<'a> {
     pub fn decode<T>(&self, play: impl FnOnce(&mut dyn Frames) -> Result<T>) -> Result<T> {
         play(&mut *self.decoder(&mut self.lend())?)
     }
+}
+
+/// The name of a channel that a clip has twice. A decoder, which knows channels by their places, does not see that; all who
+/// look channels up by their names would take the wrong one.
+fn twice(clip: &mclip::Clip<'_>) -> Option<String> {
+    let mut seen = HashSet::new();
+    let named = clip.header().channels().filter(|channel| !channel.joint.is_empty());
+    let mut twice = named.filter(|channel| !seen.insert((channel.joint, channel.kind)));
+    twice.next().map(|channel| terminal::name(&channel.to_string()))
 }
 
 /// What a clip's decoder works in.

@@ -1,8 +1,10 @@
 //! Files in and out: errors name the file, and an output appears whole or not at all.
 
-use anyhow::{Context, Error, Result, anyhow};
-use std::fs;
-use std::io::{self, BufWriter, ErrorKind, Write};
+use crate::file_kind::{START_BYTES, in_the_way};
+use crate::signals::Temporaries;
+use anyhow::{Context, Error, Result, anyhow, bail};
+use std::fs::{self, OpenOptions};
+use std::io::{self, BufWriter, ErrorKind, Read, Write};
 use std::path::Path;
 
 /// Reads a whole file.
@@ -14,32 +16,25 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
 }
 
 /// Writes a file by way of a temporary one in the same folder, which takes its name once it is whole. Where
-/// `write` fails, whatever was at `path` is left as it was. A link is followed. A device or a pipe takes the bytes itself.
+/// `write` fails, or a signal ends the program, whatever was at `path` is left as it was, and nothing stays beside it. A link is
+/// followed. A device or a pipe takes the bytes itself.
 ///
 /// A file that the command line names twice is refused: it is an input too, or another output. That is looked up in the
-/// arguments of the program, so that no command has to think of it.
+/// arguments of the program, so that no command has to think of it. So are a file that is read-only, and one of another kind,
+/// which may be an input that was found without being named.
 ///
 /// # Errors
 /// A sentence that names the file.
 pub fn write(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let failed = || format!("cannot write {}", path.display());
+    if is_stream(path) {
+        let mut buffer = BufWriter::new(OpenOptions::new().append(true).open(path).with_context(failed)?);
+        write(&mut buffer)?;
+        return buffer.flush().with_context(failed);
+    }
     // Where a link leads; of what is not there yet, the path itself.
     let path = &fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    if let Ok(there) = fs::metadata(path) {
-        // A device or a pipe takes the bytes. A new file must not take its place.
-        if !there.is_file() && !there.is_dir() {
-            let mut buffer =
-                BufWriter::new(fs::OpenOptions::new().write(true).open(path).with_context(failed)?);
-            write(&mut buffer)?;
-            return buffer.flush().with_context(failed);
-        }
-        if named_as_another(path) {
-            return Err(anyhow!(
-                "the command names this file twice: an input or another output would be lost; give another name"
-            ))
-            .with_context(failed);
-        }
-    }
+    may_replace(path).with_context(failed)?;
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -48,14 +43,84 @@ pub fn write(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> R
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
+    let mut temporaries = Temporaries::lock()?;
     let file = builder.tempfile_in(folder).map_err(|error| not_there(folder, &error)).with_context(failed)?;
-    // The file itself and not `tempfile`'s, whose errors name the temporary file.
-    let mut buffer = BufWriter::new(file.as_file());
-    write(&mut buffer)?;
-    buffer.flush().with_context(failed)?;
-    drop(buffer);
-    file.persist(path).map_err(|error| error.error).with_context(failed)?;
+    let temporary = file.path().to_owned();
+    temporaries.add(&temporary);
+    drop(temporaries);
+    let written = || {
+        // The file itself and not `tempfile`'s, whose errors name the temporary file.
+        let mut buffer = BufWriter::new(file.as_file());
+        write(&mut buffer)?;
+        buffer.flush().with_context(failed)?;
+        same_kind(path, &start_of(&temporary)?).with_context(failed)
+    };
+    let written = written();
+    let mut temporaries = Temporaries::lock()?;
+    let done = written.and_then(|()| {
+        file.persist(path).map_err(|error| error.error).with_context(failed)?;
+        Ok(())
+    });
+    temporaries.keep(&temporary);
+    done
+}
+
+/// Opens a file that is written while the command goes on, under the same rules as [`write`]; `start` is what it begins with.
+///
+/// # Errors
+/// A sentence that names the file.
+pub fn create(path: &Path, start: &[u8]) -> Result<fs::File> {
+    let failed = || format!("cannot write {}", path.display());
+    let mut file = if is_stream(path) {
+        OpenOptions::new().append(true).open(path).with_context(failed)?
+    } else {
+        may_replace(path).with_context(failed)?;
+        same_kind(path, start).with_context(failed)?;
+        fs::File::create(path).with_context(failed)?
+    };
+    file.write_all(start).with_context(failed)?;
+    Ok(file)
+}
+
+/// Whether this is a device or a pipe, or a name for what this program has open: no new file must take its place.
+fn is_stream(path: &Path) -> bool {
+    let of_system = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder));
+    fs::metadata(path).is_ok_and(|there| !there.is_dir() && (of_system || !there.is_file()))
+}
+
+/// Whether what is at a path may be lost, as far as its content does not matter.
+fn may_replace(path: &Path) -> Result<()> {
+    let Ok(there) = fs::metadata(path) else { return Ok(()) };
+    if there.is_dir() {
+        bail!("it is a folder, expected the name of a file");
+    }
+    if named_as_another(&fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())) {
+        bail!(
+            "the command names this file twice: an input or another output would be lost; give another name"
+        );
+    }
+    if there.permissions().readonly() {
+        bail!("the file that is there is read-only: give another name, or make it writable");
+    }
     Ok(())
+}
+
+/// Whether the file at a path, if there is one, is of the kind of a new one with this start.
+fn same_kind(path: &Path, new: &[u8]) -> Result<()> {
+    if !path.exists() {
+        return Ok(());
+    }
+    let mut there = start_of(path)?;
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("qmd")) {
+        there = fs::read(path)?;
+    }
+    in_the_way(path, &there, new).map_or(Ok(()), |why| Err(anyhow!(why)))
+}
+
+fn start_of(path: &Path) -> io::Result<Vec<u8>> {
+    let mut start = Vec::new();
+    fs::File::open(path)?.take(START_BYTES as u64).read_to_end(&mut start)?;
+    Ok(start)
 }
 
 /// Whether two or more of the command's arguments are this file, which is there.
@@ -89,6 +154,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out");
         write(&path, |file| Ok(file.write_all(b"old")?)).unwrap();
+        write(&path, |file| Ok(file.write_all(b"old")?)).unwrap();
         let failed = write(&path, |file| {
             file.write_all(b"new, but")?;
             anyhow::bail!("no")
@@ -96,6 +162,33 @@ mod tests {
         assert!(failed.is_err());
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
+    }
+
+    #[test]
+    fn what_would_be_lost_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.csv");
+        let refused = |there: &str, part: &str| {
+            let written = write(&path, |file| Ok(file.write_all(b"time_s,bus,servo\n")?));
+            for outcome in [written, create(&path, b"time_s,bus,servo\n").map(drop)] {
+                let said = format!("{:#}", outcome.unwrap_err());
+                assert!(said.starts_with("cannot write ") && said.contains(part), "{said}");
+            }
+            assert_eq!(fs::read(&path).unwrap(), there.as_bytes());
+            assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
+        };
+        let set = |read_only: bool| {
+            let mut permissions = fs::metadata(&path).unwrap().permissions();
+            permissions.set_readonly(read_only);
+            fs::set_permissions(&path, permissions).unwrap();
+        };
+        fs::write(&path, "time,head.ry\n0,1\n").unwrap();
+        refused("time,head.ry\n0,1\n", "is a table (CSV), and would be lost for a log of goals");
+        fs::write(&path, "time_s,bus,servo\n").unwrap();
+        set(true);
+        refused("time_s,bus,servo\n", "read-only");
+        set(false);
+        create(&path, b"time_s,bus,servo\n").unwrap();
     }
 
     #[test]

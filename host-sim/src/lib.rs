@@ -10,6 +10,7 @@
 //! | room | what it does |
 //! |---|---|
 //! | [`files`], [`clip`] | reads and writes files; opens a clip of either container |
+//! | [`signals`], [`terminal`] | ends in order and leaves nothing behind; shows names out of files |
 //! | [`puppet`] | holds a puppet against a clip: channels, limits, time on its buses; writes what was calibrated |
 //! | [`play`] | plays a clip on virtual servos: here, on a simulated core, under QEMU, on an emulated Pico |
 //! | [`ports`] | plays a clip on servos on serial ports of this machine |
@@ -29,6 +30,7 @@ pub mod board;
 pub mod clip;
 pub mod cycle_limit;
 pub mod device;
+mod file_kind;
 pub mod files;
 pub mod filmstrip;
 pub mod flash;
@@ -49,3 +51,5 @@ pub mod rd;
 pub mod rp2040js;
 pub mod settings;
 pub mod show;
+pub mod signals;
+pub mod terminal;

@@ -1,8 +1,19 @@
 //! `bunraku`: encode, inspect, compare and play recorded motion.
 
+/// `println!` with text out of files as a terminal may show it.
+macro_rules! println {
+    () => { std::println!() };
+    ($($arguments:tt)*) => { std::println!("{}", host_sim::terminal::shown(&format!($($arguments)*))) };
+}
+
+/// `eprintln!` with text out of files as a terminal may show it, and words cut to what a message should have.
+macro_rules! eprintln {
+    ($($arguments:tt)*) => { std::eprintln!("{}", host_sim::terminal::message(&format!($($arguments)*))) };
+}
+
 mod commands;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::process::ExitCode;
 
 /// Fits recorded human motion to a puppet, compresses it, and plays it on servos.
@@ -44,13 +55,25 @@ enum Command {
 fn main() -> ExitCode {
     // A reader that has seen enough, such as `head`, ends the command quietly.
     sigpipe::reset();
-    match run(Cli::parse()) {
+    let matches = numbers_may_be_negative(Cli::command()).get_matches();
+    match run(Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("bunraku: {error:#}");
             ExitCode::FAILURE
         }
     }
+}
+
+/// The command, to all of whose options a number below 0 may be given: then the option says which numbers it takes, and `-1`
+/// is not taken for the name of another one.
+fn numbers_may_be_negative(command: clap::Command) -> clap::Command {
+    command
+        .mut_args(|argument| {
+            let takes_value = argument.get_action().takes_values();
+            if takes_value { argument.allow_negative_numbers(true) } else { argument }
+        })
+        .mut_subcommands(numbers_may_be_negative)
 }
 
 fn run(cli: Cli) -> anyhow::Result<ExitCode> {
@@ -85,7 +108,6 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     /// What a command's help lacks, and those of its subcommands. An example of a command holds for its subcommands too.
     fn lacks(command: &clap::Command, name: &str, has_example: bool, found: &mut Vec<String>) {
@@ -111,10 +133,54 @@ mod tests {
     #[test]
     fn every_command_says_what_it_does_with_an_example() {
         let command = Cli::command();
-        command.clone().debug_assert();
+        numbers_may_be_negative(command.clone()).debug_assert();
         let mut found = Vec::new();
         lacks(&command, "bunraku", false, &mut found);
         assert!(found.is_empty(), "{found:#?}");
+    }
+
+    /// Arguments that are numbers with a fraction, as command lines that give them `text`.
+    fn number_arguments(command: &clap::Command, path: &[String], text: &str, found: &mut Vec<Vec<String>>) {
+        let number = clap::builder::ValueParser::from(clap::value_parser!(f64)).type_id();
+        for argument in
+            command.get_arguments().filter(|argument| argument.get_value_parser().type_id() == number)
+        {
+            let mut line = path.to_vec();
+            match (argument.get_long(), argument.get_index()) {
+                (Some(long), _) => line.push(format!("--{long}={text}")),
+                (None, index) => {
+                    line.extend(std::iter::repeat_n("x".to_owned(), index.unwrap() - 1));
+                    line.push(text.to_owned());
+                }
+            }
+            found.push(line);
+        }
+        for child in command.get_subcommands() {
+            let path = [path, &[child.get_name().to_owned()]].concat();
+            number_arguments(child, &path, text, found);
+        }
+    }
+
+    /// Whatever a number is for: what is none, or outside of its range, is refused where it is read, with the range.
+    #[test]
+    fn every_number_has_a_range() {
+        let mut command = numbers_may_be_negative(Cli::command());
+        command.build();
+        for text in ["nan", "inf", "1e300", "-1e300", "12,5", ""] {
+            let mut lines = Vec::new();
+            number_arguments(&command, &["bunraku".to_owned()], text, &mut lines);
+            assert!(lines.len() > 20, "{lines:?}");
+            for line in lines {
+                let said = command.clone().try_get_matches_from(&line).unwrap_err().to_string();
+                assert!(said.contains("expected ") && said.contains(" found "), "{line:?}: {said}");
+            }
+        }
+        // A number below 0 is no option's name.
+        for line in [&["encode", "a.bvh", "--target-degrees", "-1"][..], &["play", "--speed", "-.5"]] {
+            let line = [&["bunraku"], line].concat();
+            let said = command.clone().try_get_matches_from(&line).unwrap_err().to_string();
+            assert!(said.contains("expected a") && !said.contains("tip"), "{said}");
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::files;
 use crate::qemu;
 use crate::qemu_log::Log;
 use crate::rp2040js;
+use crate::signals::Folder;
 use anyhow::{Context, Result, anyhow, bail};
 use firmware::bus::BoardBuses;
 use firmware::control_loop::{Surroundings, control_loop};
@@ -175,7 +176,7 @@ pub fn on_qemu(
     centihertz: u16,
     log: &mut dyn FnMut(&str),
 ) -> Result<Recording> {
-    let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
+    let folder = Folder::new()?;
     let path = folder.path().join("bunraku-board");
     let elf = board::QEMU_MPS2.build(bytes, map, centihertz)?;
     files::write(&path, |file| Ok(file.write_all(&elf)?))?;

@@ -3,6 +3,7 @@
 //! What rp2040js lacks is written at the top of rp2040js.mjs, which runs in Node.js.
 
 use crate::qemu_log::Log;
+use crate::signals::Folder;
 use anyhow::{Context, Result, anyhow, bail};
 use std::io::{ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -80,7 +81,7 @@ pub fn run(
         image.symbol("_SEGGER_RTT").ok_or_else(|| anyhow!("the image has no log: no symbol _SEGGER_RTT"))?;
     let mut memory = Memory::new(Board::rp2040().regions)?;
     image.load_into(&mut memory)?;
-    let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
+    let folder = Folder::new()?;
     let (flash, script) = (folder.path().join("flash.bin"), folder.path().join("rp2040js.mjs"));
     let bytes = memory.bytes(FLASH, IMAGE_BYTES).ok_or_else(|| anyhow!("the board has no flash"))?;
     std::fs::write(&flash, bytes).context("cannot write a temporary file")?;

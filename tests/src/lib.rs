@@ -64,6 +64,17 @@ pub fn motion() -> Option<PathBuf> {
     None
 }
 
+/// The folder of inputs that went wrong once, which is no part of the project: `cases` beside the real motion capture. `None`
+/// where it is not there, which is said.
+pub fn cases() -> Option<PathBuf> {
+    let folder = motion_folder().join("../cases");
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    skip(&format!("{} is not there", folder.display()));
+    None
+}
+
 fn motion_folder() -> PathBuf {
     std::env::var_os("BUNRAKU_MOTION").map_or_else(|| workspace().join("../shared/motion"), PathBuf::from)
 }

@@ -227,8 +227,6 @@ fn a_wrong_puppet_is_one_sentence_and_no_log() {
     refused(&sample, &[], "as in the puppet, which has no skeleton: name the clip's with --skeleton");
     refused("joint = 3", &skeleton, "puppet.toml, line 1, key \"joint\"");
     refused(&sample.replace("[[joint]]", "[[joint]"), &skeleton, "puppet.toml, line");
-    let [flag, path] = skeleton;
-    refused(&sample, &[flag, path, "--fps", "1000"], "--fps is 1000, expected 0.01 to 655.35");
 }
 
 #[test]
@@ -269,7 +267,6 @@ fn several_clips_are_played_as_often_and_as_fast_as_asked() {
     for (arguments, expected) in [
         (&["wave.mclip", "--loop"][..], "--loop has no end on the host"),
         (&["wave.mclip", "--from", "4.1"], "wave.mclip ends"),
-        (&["wave.mclip", "--speed", "5"], "--speed is 5"),
         (&["wave.mclip", "--on", "sim", "--speed", "2"], "a board plays one clip, once and as it is"),
         (&["wave.mclip", "walk.qmd", "--on", "qemu"], "a board plays one clip, once and as it is"),
     ] {

@@ -180,7 +180,7 @@ fn outputs_do_not_take_the_place_of_inputs() {
 fn outputs_go_where_links_lead_and_into_pipes() {
     let folder = folder();
     let at = |name: &str| folder.path().join(name);
-    fs::write(at("there.csv"), "old").unwrap();
+    fs::write(at("there.csv"), "time,head.ry\n0,1\n").unwrap();
     std::os::unix::fs::symlink(at("there.csv"), at("link.csv")).unwrap();
     let decode = |output: &str| {
         let mut command = bunraku();
@@ -196,6 +196,123 @@ fn outputs_go_where_links_lead_and_into_pipes() {
     assert!(writer.wait().unwrap().success());
 }
 
+/// What is there stays where it is no earlier output: another kind of file, perhaps an input that nobody named, or one that is
+/// read-only.
+#[test]
+fn outputs_do_not_take_the_place_of_other_files() {
+    let folder = folder();
+    let folder = folder.path();
+    fs::copy(bunraku_tests::workspace().join("puppets/sample.toml"), folder.join("puppet.toml")).unwrap();
+    fs::write(folder.join("song.mp3"), b"ID3\x03\0\0\0\0\0\xff\xfb\x90").unwrap();
+    fs::write(folder.join("song.csv"), b"ID3\x03\0\0\0\0\0\xff\xfb\x90").unwrap();
+    fs::write(folder.join("song.qmd"), b"ID3\x03\0\0\0\0\0\xff\xfb\x90").unwrap();
+    fs::write(folder.join("takes.csv"), b"time,head.ry\n0,1\n").unwrap();
+    let play = ["play", "walk.mclip", "--puppet", "puppet.toml"];
+    let locked = folder.join("locked.csv");
+    fs::write(&locked, b"time,head.ry\n0,1\n").unwrap();
+    let mut permissions = fs::metadata(&locked).unwrap().permissions();
+    permissions.set_readonly(true);
+    fs::set_permissions(&locked, permissions).unwrap();
+    for (name, arguments, part) in [
+        ("song.csv", &["decode", "walk.mclip", "-o", "song.csv"][..], "would be lost for a table (CSV)"),
+        ("song.qmd", &["encode", "walk.bvh", "-o", "song.qmd"], "would be lost for a .qmd"),
+        ("song.mp3", &["encode", "walk.bvh", "-o", "song.mp3"], "expected .mclip or .qmd"),
+        (
+            "song.mp3",
+            &["puppet", "new", "walk.bvh", "--force", "-o", "song.mp3"],
+            "would be lost for a file of keys",
+        ),
+        (
+            "walk.bvh",
+            &["puppet", "new", "walk.amc", "--skeleton", "puppet.asf", "--force", "-o", "walk.bvh"],
+            "is a BVH",
+        ),
+        (
+            "puppet.asf",
+            &["puppet", "new", "walk.amc", "--skeleton", "./puppet.asf", "--force", "-o", "puppet.asf"],
+            "twice",
+        ),
+        (
+            "takes.csv",
+            &[&play[..], &["--log", "takes.csv"]].concat(),
+            "is a table (CSV), and would be lost for a log",
+        ),
+        (
+            "puppet.asf",
+            &[&play[..], &["--log", "puppet.asf"]].concat(),
+            "is an ASF, and would be lost for a log",
+        ),
+        (
+            "puppet.asf",
+            &[&play[..], &["--html", "puppet.asf"]].concat(),
+            "is an ASF, and would be lost for an HTML page",
+        ),
+        ("walk.amc", &["optimize", "walk.bvh", "--step", "480", "-o", "walk.amc"], "expected .qmd"),
+        ("locked.csv", &["decode", "walk.mclip", "-o", "locked.csv"], "read-only"),
+        (
+            "takes.csv",
+            &["servos", "--config", "puppet.toml", "--log", "takes.csv"],
+            "would be lost for a log",
+        ),
+    ] {
+        let before = fs::read(folder.join(name)).unwrap();
+        let output = bunraku().args(arguments).current_dir(folder).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && said.contains(part), "{arguments:?}: {said}");
+        assert_eq!(fs::read(folder.join(name)).unwrap(), before, "{arguments:?}");
+    }
+    for output in [".", "no/folder/out.csv"] {
+        let output = bunraku().args(play).args(["--log", output]).current_dir(folder).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    // An output of the same kind is one that is written again.
+    for _ in 0..2 {
+        let output = bunraku().args(play).args(["--log", "log.csv"]).current_dir(folder).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    let hidden = fs::read_dir(folder)
+        .unwrap()
+        .filter(|file| file.as_ref().unwrap().file_name().to_string_lossy().starts_with(".tmp"));
+    assert_eq!(hidden.count(), 0, "temporary files are left");
+}
+
+/// A signal in the middle of an output leaves neither a part of it nor a temporary file.
+#[cfg(unix)]
+#[test]
+fn signals_leave_nothing_behind() {
+    use std::os::unix::process::ExitStatusExt;
+    let folder = folder();
+    let folder = folder.path();
+    // A recording whose decoding to text takes long enough to be seen.
+    let mut clip = sample::clip();
+    clip.motion.samples = clip.motion.samples.repeat(100);
+    let (parameters, method) = (encoder::qmd::Parameters::TABLE_1, encoder::qmd::Method::FAITHFUL);
+    fs::write(folder.join("long.qmd"), encoder::qmd::encode(&clip, parameters, method).unwrap()).unwrap();
+    let before = fs::read_dir(folder).unwrap().count();
+    for signal in ["-INT", "-TERM", "-HUP"] {
+        // Seen in the middle where the temporary file is there and its place is not taken. A quick machine may be through
+        // before: then it is tried again.
+        let stopped = (0..20).any(|_| {
+            let mut command = bunraku();
+            command.args(["decode", "long.qmd", "--skeleton", "puppet.asf", "-o", "out.amc"]);
+            let mut running =
+                command.current_dir(folder).stdout(std::process::Stdio::null()).spawn().unwrap();
+            while running.try_wait().unwrap().is_none() && fs::read_dir(folder).unwrap().count() == before {
+                std::thread::yield_now();
+            }
+            std::process::Command::new("kill").args([signal, &running.id().to_string()]).status().unwrap();
+            let status = running.wait().unwrap();
+            assert_eq!(status.signal(), None, "the command ends by itself");
+            let was_stopped = status.code() == Some(130);
+            assert_eq!(folder.join("out.amc").exists(), !was_stopped, "{status}");
+            drop(fs::remove_file(folder.join("out.amc")));
+            assert_eq!(fs::read_dir(folder).unwrap().count(), before, "{signal} left a file");
+            was_stopped
+        });
+        assert!(stopped, "{signal} was never in time");
+    }
+}
+
 #[test]
 fn usage_errors_exit_with_2() {
     for arguments in [
@@ -209,6 +326,11 @@ fn usage_errors_exit_with_2() {
         &["encode", "a.amc", "-o", "b.qmd", "--block", "400"],
         &["encode", "a.amc", "-o", "b.qmd", "--entropy", "fixed"],
         &["encode", "a.amc", "-o", "b.qmd", "--levels", "gaussian"],
+        &["encode", "a.amc", "-o", "b.mclip", "--target-error", "nan"],
+        &["encode", "a.amc", "-o", "b.mclip", "--fps", "-30"],
+        &["compare", "a.amc", "b.mclip", "--max-error", "nan"],
+        &["play", "a.mclip", "--puppet", "puppet.toml", "--speed", "5"],
+        &["play", "a.mclip", "--puppet", "puppet.toml", "--fps", "1000"],
         &[],
     ] {
         let output = bunraku().args(arguments).output().unwrap();

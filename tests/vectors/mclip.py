@@ -74,12 +74,13 @@ class Fields:
         self.at += 1
         return self.data[self.at - 1]
 
-    def varint(self):
+    def varint(self, bits=32):
         value = shift = 0
         while True:
             byte = self.u8()
             value |= (byte & 127) << shift
             shift += 7
+            assert value < 2**bits and shift < bits + 7
             if byte < 128:
                 return value
 
@@ -246,8 +247,8 @@ class Clip:
     def read_header(self, header):
         fields = Fields(header)
         self.rate = fields.varint(), fields.varint()
-        self.frames, m, self.block_bytes = fields.varint(), fields.varint(), fields.varint()
-        self.ram, self.delay, self.codec, entropy = fields.varint(), fields.varint(), fields.u8(), fields.u8()
+        self.frames, m, self.block_bytes = fields.varint(), fields.varint(16), fields.varint(16)
+        self.ram, self.delay, self.codec, entropy = fields.varint(), fields.varint(16), fields.u8(), fields.u8()
         self.parameters, self.tables, self.cycles = fields.bytes(), fields.bytes(), fields.bytes()
         coefficients, records, names = fields.bytes(), Bits(fields.bytes()), Fields(fields.bytes())
         predictors = [a for (a,) in struct.iter_unpack("<h", coefficients)] or [0]

@@ -62,6 +62,13 @@ pub enum TableError {
         /// The highest.
         high: u32,
     },
+    /// They go on after the last table.
+    TooLong {
+        /// Bytes of the tables.
+        used: usize,
+        /// Bytes that are there.
+        found: usize,
+    },
     /// The codes of a table do not fill all of its index.
     Incomplete {
         /// The table's first byte.
@@ -185,9 +192,9 @@ impl<'t> Huffman<'t> {
         }
         match rest.first() {
             None => Ok(Self { shape, tables }),
-            Some(&found) => {
-                let at = bytes.len().saturating_sub(rest.len());
-                Err(TableError::Range { at, found: found.into(), low: 0, high: 0 })
+            Some(_) => {
+                let used = bytes.len().saturating_sub(rest.len());
+                Err(TableError::TooLong { used, found: bytes.len() })
             }
         }
     }
@@ -256,6 +263,10 @@ impl<'s> Stage<'s> for Huffman<'s> {
         Self::build(tables, halves).map_err(|error| match error {
             TableError::Range { found, low, high, .. } => {
                 Error::Malformed { field: Field::CodeTables, at, found, low, high }
+            }
+            TableError::TooLong { used, found } => {
+                let (used, found) = (used as u32, found as u32);
+                Error::Malformed { field: Field::CodeTables, at, found, low: used, high: used }
             }
             _ => Error::Encoding { field: Field::CodeTables, at },
         })
@@ -443,7 +454,7 @@ mod tests {
         assert_eq!(error(&[1, 1, 2, 0x91]), TableError::Range { at: 3, found: 9, low: 0, high: 8 });
         assert_eq!(error(&[1, 1, 2, 0x21]), TableError::Incomplete { at: 2, filled: 192, entries: 256 });
         assert_eq!(error(&[1, 1, 3, 0x11, 1]), TableError::Incomplete { at: 2, filled: 384, entries: 256 });
-        assert_eq!(error(&[1, 1, 2, 0x11, 7]), TableError::Range { at: 4, found: 7, low: 0, high: 0 });
+        assert_eq!(error(&[1, 1, 2, 0x11, 7]), TableError::TooLong { used: 4, found: 5 });
         assert_eq!(error(&[3, 1, 2, 0x11]), TableError::Memory { needed: 768 });
     }
 }

@@ -118,7 +118,7 @@ impl<'a> Clip<'a> {
     }
 
     /// The bytes, from the prefix to the last block.
-    pub(super) const fn bytes(&self) -> &'a [u8] {
+    pub const fn bytes(&self) -> &'a [u8] {
         self.bytes
     }
 

@@ -3,6 +3,7 @@
 use super::{input, joints};
 use anyhow::{Context, Result};
 use host_sim::files;
+use host_sim::terminal;
 use mocap::metrics;
 use puppet_file::Puppet;
 use std::path::PathBuf;
@@ -28,7 +29,7 @@ pub struct Args {
     #[command(flatten)]
     source: input::Source,
     /// Fail where the mean joint error is above this.
-    #[arg(long, value_name = "CM")]
+    #[arg(long, value_name = "CM", value_parser = super::number::from_zero)]
     max_error: Option<f64>,
     /// Joints to list, the worst first.
     #[arg(long, default_value_t = 5)]
@@ -90,6 +91,7 @@ fn print(report: &metrics::Report) {
     }
     println!("  worst joints     mean cm   max cm");
     for joint in &report.worst_joints {
-        println!("  {:<15} {:>8.4} {:>8.4}", joint.name, joint.mean_cm, joint.max_cm);
+        let name = terminal::name(&joint.name);
+        println!("  {name:<15} {:>8.4} {:>8.4}", joint.mean_cm, joint.max_cm);
     }
 }

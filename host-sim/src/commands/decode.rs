@@ -1,5 +1,7 @@
 //! `bunraku decode`: a compressed clip in, motion capture out.
 
+use super::input::Length;
+use super::number::recorded_rate;
 use anyhow::{Context, Result, bail};
 use decoder_core::I16F16;
 use firmware::limits::FINE_BITS;
@@ -10,8 +12,8 @@ use host_sim::puppet::channels;
 use mocap::export;
 use mocap::import::{self, GOAL, amc};
 use mocap::{Motion, Skeleton};
-use puppet_file::{Channels, Puppet};
-use std::path::{Path, PathBuf};
+use puppet_file::{Channels, Map, Puppet};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Decode a clip into AMC, BVH, CSV, GLB, or JSON as the Blender Servo Animation add-on writes it.
@@ -35,11 +37,13 @@ pub struct Args {
     #[arg(long, value_name = "PUPPET.toml")]
     puppet: Option<PathBuf>,
     /// Frames per second, where the clip does not say.
-    #[arg(long, value_name = "F")]
+    #[arg(long, value_name = "F", value_parser = recorded_rate)]
     fps: Option<f64>,
     /// Where the motion goes; its extension says the format.
     #[arg(short, long, value_name = "OUT.amc|.bvh|.csv|.glb|.json")]
     output: PathBuf,
+    #[command(flatten)]
+    length: Length,
 }
 
 /// What says which channels the decoded motion has.
@@ -48,7 +52,7 @@ enum Layout {
     /// The clip itself.
     Names(Channels),
     /// The servos of a puppet.
-    Goals(Vec<String>),
+    Goals(Box<Map>, Vec<String>),
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
@@ -63,31 +67,50 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let skeleton = args.skeleton.as_deref();
     let skeleton = skeleton.map(|path| import::read_skeleton(path, args.unit)).transpose()?;
     let bytes = files::read(&args.clip)?;
-    let mut motion = super::input::decode(&args.clip, &bytes)?;
-    let found = motion.channels;
-    let layout = match (skeleton, &args.puppet) {
-        (_, Some(puppet)) => {
+    let clip = Clip::headers(&args.clip, &bytes)?;
+    let (name, found) = (args.clip.display(), clip.channels());
+    let layout = match (&args.puppet, skeleton, channels::of_clip(&clip)) {
+        (Some(puppet), ..) => {
             let puppet = Puppet::read(puppet)?;
-            Layout::Goals(goals(&args.clip, &bytes, &puppet, args.skeleton, &mut motion)?)
+            let map = puppet.map(channels::of_played(&args.clip, &clip, &puppet, args.skeleton)?)?;
+            let names = map.joints().iter().map(|joint| format!("{}.{GOAL}", puppet.name_of(joint)));
+            let names = names.collect();
+            Layout::Goals(Box::new(map), names)
         }
-        (Some(skeleton), None) => {
-            motion = channels::on_skeleton(&args.clip, &bytes, &motion, &skeleton)?;
+        (None, Some(skeleton), None) => {
+            channels::check_clip(&args.clip, &clip, &Channels::from(&skeleton))?;
             Layout::Skeleton(skeleton)
         }
-        (None, None) if extension == "csv" => {
-            let own = channels::of_clip(&Clip::parse(&args.clip, &bytes)?);
-            Layout::Names(own.with_context(|| {
-                format!(
-                    "{} does not name its channels: give the skeleton that it was encoded with (--skeleton)",
-                    args.clip.display()
-                )
-            })?)
+        (None, Some(skeleton), Some(own)) => {
+            let on_it = Channels::from(&skeleton);
+            if !own.names().any(|channel| on_it.find(channel).is_ok()) {
+                let first = own.names().next().unwrap_or_default();
+                bail!(
+                    "{name} has channels of a puppet ({first} is the first), and none of the skeleton's: it was fitted with \
+                     --puppet, and decodes to a .csv without --skeleton"
+                );
+            }
+            Layout::Skeleton(skeleton)
         }
-        (None, None) => bail!(
-            "{}: a .{extension} needs the skeleton that the clip was encoded with (--skeleton); only .csv does without",
+        (None, None, Some(own)) if extension == "csv" => Layout::Names(own),
+        (None, None, None) if extension == "csv" => bail!(
+            "{name} does not name its channels: give the skeleton that it was encoded with (--skeleton)"
+        ),
+        (None, None, _) => bail!(
+            "{}: a .{extension} needs the skeleton that the clip was encoded with (--skeleton); only .csv does without, \
+             which is also what a clip that was fitted to a puppet decodes to",
             args.output.display()
         ),
     };
+    clip.check_length(&args.clip, args.length.long)?;
+    let mut motion = super::input::decode(&args.clip, &bytes)?;
+    match &layout {
+        Layout::Skeleton(skeleton) => {
+            motion = channels::on_skeleton(&args.clip, &bytes, &motion, skeleton)?;
+        }
+        Layout::Goals(map, _) => motion = goals(map, &motion),
+        Layout::Names(_) => {}
+    }
     if let Some(fps) = args.fps {
         motion.fps = fps;
     } else if motion.fps == 0.0 {
@@ -96,7 +119,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let frames = motion.frames();
     files::write(&args.output, |mut file| {
         match (&layout, extension.as_str()) {
-            (Layout::Goals(names), _) => {
+            (Layout::Goals(_, names), _) => {
                 export::csv::write_named(&mut file, names.iter().map(String::as_str), &motion)
             }
             (Layout::Names(names), _) => export::csv::write_named(&mut file, names.names(), &motion),
@@ -117,15 +140,8 @@ pub fn run(args: Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Makes goals of a puppet's servos of a motion, and gives the columns' names: those of the joints, in the order of the map.
-fn goals(
-    path: &Path,
-    bytes: &[u8],
-    puppet: &Puppet,
-    skeleton: Option<PathBuf>,
-    motion: &mut Motion,
-) -> Result<Vec<String>> {
-    let map = puppet.map(channels::of_played(path, &Clip::parse(path, bytes)?, puppet, skeleton)?)?;
+/// What the servos of a puppet are told in each frame of a motion, in the order of the map.
+fn goals(map: &Map, motion: &Motion) -> Motion {
     let joints = map.joints();
     let goal = |pose: &[f64], joint: &Joint| {
         let value = I16F16::saturating_from_num(pose[usize::from(joint.channel)]);
@@ -133,6 +149,5 @@ fn goals(
         f64::from((fine + (1 << (FINE_BITS - 1))) >> FINE_BITS)
     };
     let samples = motion.iter().flat_map(|pose| joints.iter().map(move |joint| goal(pose, joint))).collect();
-    *motion = Motion { fps: motion.fps, channels: joints.len(), samples };
-    Ok(joints.iter().map(|joint| format!("{}.{GOAL}", puppet.name_of(joint))).collect())
+    Motion { fps: motion.fps, channels: joints.len(), samples }
 }

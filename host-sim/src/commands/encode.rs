@@ -4,6 +4,7 @@ use super::codec;
 use super::fit_table;
 use super::input::{self, Quality, is_mclip, is_qmd};
 use super::joints;
+use super::number::above_zero;
 use anyhow::{Context, Result};
 use decoder_core::mclip::{CodecId, EntropyId};
 use encoder::codec::encode::OptionError;
@@ -45,22 +46,22 @@ pub struct Args {
     #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u8).range(1..=16))]
     bits: Option<u8>,
     /// Largest mean joint error, over all joints and frames and over those that move alone (.mclip).
-    #[arg(long, value_name = "CM", value_parser = positive, conflicts_with = "bits")]
+    #[arg(long, value_name = "CM", value_parser = above_zero, conflicts_with = "bits")]
     target_error: Option<f64>,
     /// Largest error of any point 3 cm off a bone in any frame (.mclip); 10 times the target error unless given.
-    #[arg(long, value_name = "CM", value_parser = positive, conflicts_with_all = ["bits", "target_rate"])]
+    #[arg(long, value_name = "CM", value_parser = above_zero, conflicts_with_all = ["bits", "target_rate"])]
     worst_error: Option<f64>,
     /// Largest error of each joint of the puppet, root of the mean square, in degrees (cm of a joint that slides) (.mclip); 0.25
     /// unless given.
-    #[arg(long, value_name = "DEGREES", value_parser = positive, requires = "puppet",
+    #[arg(long, value_name = "DEGREES", value_parser = above_zero, requires = "puppet",
         conflicts_with_all = ["bits", "target_error", "worst_error", "target_rate", "max_cycles"])]
     target_degrees: Option<f64>,
     /// Largest error of each joint of the puppet at any time (.mclip); 2 unless given.
-    #[arg(long, value_name = "DEGREES", value_parser = positive, requires = "puppet",
+    #[arg(long, value_name = "DEGREES", value_parser = above_zero, requires = "puppet",
         conflicts_with_all = ["bits", "target_error", "worst_error", "target_rate", "max_cycles"])]
     worst_degrees: Option<f64>,
     /// Bits per second to stay within (.mclip).
-    #[arg(long, value_name = "BITS_PER_S", value_parser = positive, conflicts_with_all = ["bits", "target_error"])]
+    #[arg(long, value_name = "BITS_PER_S", value_parser = above_zero, conflicts_with_all = ["bits", "target_error"])]
     target_rate: Option<f64>,
     /// Most cycles that any frame may take: tries the codecs and entropy stages that are not given, counts the cycles of
     /// each on a simulated core (cortex-m4 unless named), and keeps the best clip that is within (.mclip).
@@ -90,14 +91,6 @@ pub struct Args {
     json: bool,
 }
 
-/// A number above 0.
-pub fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err(format!("found {text:?}, expected a number above 0")),
-    }
-}
-
 pub fn run(args: Args) -> Result<ExitCode> {
     let in_blocks = is_mclip(&args.output);
     let codec = args.codec.unwrap_or(if in_blocks { CodecId::Dpcm } else { CodecId::Qmd });
@@ -122,7 +115,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     }
     let (clip, fitted) = args.source.load_fitted(&args.input)?;
     if let Some(report) = &fitted {
-        eprint!("{}", fit_table::table(report));
+        eprintln!("{}", fit_table::table(report).trim_end());
     }
     let puppet = args.source.puppet.as_deref().map(Puppet::read).transpose()?;
     let in_degrees = in_blocks

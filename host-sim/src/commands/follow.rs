@@ -1,12 +1,14 @@
 //! `bunraku follow`: live frames on a puppet of virtual or real servos.
 
-use super::play::{asked_to_end, write_log};
+use super::number::seconds_of_silence;
+use super::play::write_log;
 use anyhow::{Context, Result, bail};
 use host_sim::live_frames::{self, Listener, Say};
 use host_sim::play::seconds;
 use host_sim::ports::{self, Clock, ComputerClock, Told, virtual_buses};
 use host_sim::puppet_servos;
 use host_sim::settings;
+use host_sim::signals::asked_to_end;
 use puppet_file::Puppet;
 use std::io::Write;
 use std::net::SocketAddr;
@@ -52,7 +54,7 @@ pub struct Args {
     #[arg(long, value_name = "BAUD", default_value_t = 115_200)]
     baud: u32,
     /// Seconds of silence after which the link is lost, up to 60; 0: never.
-    #[arg(long, value_name = "SECONDS", default_value_t = 2.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 2.0, value_parser = seconds_of_silence)]
     lost: f64,
     /// Where the log goes, also when following fails: time in seconds, bus, servo id, goal position.
     #[arg(long, value_name = "OUT.csv")]

@@ -29,7 +29,7 @@ pub struct Args {
     #[arg(long, value_name = "S.asf", requires = "clip")]
     skeleton: Option<PathBuf>,
     /// Frames per second to play at, instead of the clip's own rate.
-    #[arg(long, value_name = "F", requires = "clip")]
+    #[arg(long, value_name = "F", requires = "clip", value_parser = super::number::played_rate)]
     fps: Option<f64>,
     /// The board, or `all`; may be repeated.
     #[arg(long, required = true, value_name = "BOARD", value_parser = board)]

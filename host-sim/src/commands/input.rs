@@ -2,10 +2,12 @@
 
 use super::fit_table::TOLD;
 use super::frames::FrameRange;
+use super::number::{above_zero, recorded_rate};
 use super::same_channels;
 use anyhow::{Context, Result, anyhow, bail};
 use encoder::qmd::Method;
 use fit::{Follows, Plan, Report};
+use host_sim::clip::Clip as AnyClip;
 use host_sim::files;
 use host_sim::puppet::new::{FOUR_LEGS, Figure};
 use mocap::Clip;
@@ -24,10 +26,10 @@ pub struct Recording {
     pub skeleton: Option<PathBuf>,
     /// Frames per second that are wanted: the motion is resampled. An AMC mostly has no rate of its own: there, without --rate, this is
     /// its rate.
-    #[arg(long, value_name = "F", value_parser = rate)]
+    #[arg(long, value_name = "F", value_parser = recorded_rate)]
     pub fps: Option<f64>,
     /// Frames per second that the file's frames are, whatever it says; of an AMC without a rate 120 unless given.
-    #[arg(long, value_name = "F", value_parser = rate)]
+    #[arg(long, value_name = "F", value_parser = recorded_rate)]
     pub rate: Option<f64>,
     /// Unit of the lengths in a BVH: m, cm, mm, inch, ft, cmu (of the CMU database, 5.64 cm), or a length such as 2.5cm. Guessed from
     /// the size of the figure unless given.
@@ -161,8 +163,13 @@ impl Source {
             return Ok((Clip { skeleton: reference.skeleton.clone(), motion }, bytes as u64));
         }
         let bytes = files::read(path)?;
-        let motion = decode(path, &bytes)?;
-        let mut motion = same_channels::of_clip(path, &bytes, &motion, &reference.skeleton)?;
+        let clip = AnyClip::headers(path, &bytes)?;
+        let places = same_channels::of_clip(path, &clip, &reference.skeleton)?;
+        let (found, expected) = (clip.frames() as usize, reference.motion.frames());
+        if found != expected {
+            bail!("{} has {found} frames, expected {expected} as in the reference", path.display());
+        }
+        let mut motion = decode(path, &bytes)?.with_channels(&places);
         if motion.fps == 0.0 {
             motion.fps = self.recording.fps.unwrap_or(reference.motion.fps);
         }
@@ -184,12 +191,6 @@ fn unfollowed(plan: &Plan, clip: &Clip) -> Option<String> {
     let columns = clip.skeleton.channels.iter().enumerate().filter(|(column, _)| !follows(*column));
     let names: Vec<String> = columns.map(|(_, channel)| channel.name.escape_debug().to_string()).collect();
     (!names.is_empty()).then(|| format!("left out, since no joint follows them: {}", names.join(", ")))
-}
-
-/// A rate as an argument.
-fn rate(text: &str) -> Result<f64, String> {
-    let rate = text.parse().ok().filter(|rate| (1e-3..=1e6).contains(rate));
-    rate.ok_or_else(|| format!("found {text:?}, expected frames per second, 0.001 to 1000000"))
 }
 
 /// A rate with up to three decimals.
@@ -232,6 +233,14 @@ pub fn decode(path: &Path, bytes: &[u8]) -> Result<mocap::Motion> {
     }
 }
 
+/// Whether a clip may be much longer than its size suggests.
+#[derive(clap::Args, Clone, Copy)]
+pub struct Length {
+    /// Take a clip that is much longer than its size suggests, whatever time and memory that needs.
+    #[arg(long)]
+    pub long: bool,
+}
+
 /// The quality control parameters of QMD.
 #[derive(clap::Args, Clone)]
 pub struct Quality {
@@ -242,7 +251,7 @@ pub struct Quality {
     #[arg(long)]
     pub faithful: bool,
     /// The constant k of the paper's equation 1; selective averaging (its limit) unless given.
-    #[arg(long, value_name = "K", requires = "faithful")]
+    #[arg(long, value_name = "K", requires = "faithful", value_parser = above_zero)]
     pub exponent: Option<f64>,
 }
 

@@ -71,7 +71,7 @@ impl Table {
         let mut motion = recording.motion.clone();
         motion.unwrap_angles(&recording.skeleton);
         let asked = Asked::of(&mut Recorded::new(&motion), &map)?;
-        let errors = Clip::parse(path, bytes)?.decode(|frames| asked.errors(frames))?;
+        let errors = Clip::headers(path, bytes)?.decode(|frames| asked.errors(frames))?;
         let mut table = Self::new(puppet, &map, &channels, errors);
         let least = asked.errors(&mut Recorded::new(&motion))?;
         table.rows.iter_mut().zip(least).for_each(|(row, least)| row.least = Some(least));

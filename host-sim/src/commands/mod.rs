@@ -16,6 +16,7 @@ pub mod info;
 mod input;
 mod joints;
 pub mod monitor;
+mod number;
 pub mod optimize;
 pub mod play;
 mod play_report;

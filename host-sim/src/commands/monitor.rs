@@ -20,7 +20,7 @@ pub struct Args {
     #[arg(long, value_name = "MS", default_value_t = 500, value_parser = clap::value_parser!(u16).range(1..))]
     every: u16,
     /// End after so many seconds.
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = super::number::seconds)]
     seconds: Option<f64>,
     /// An object a line, with all servos.
     #[arg(long, conflicts_with = "csv")]

@@ -53,6 +53,9 @@ pub struct Args {
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
+    if let Some(output) = args.output.as_deref().filter(|output| !input::is_qmd(output)) {
+        bail!("{}: expected .qmd at the end of the name", output.display());
+    }
     let clip = args.source.load(&args.input)?;
     let cannot = || format!("cannot encode {}", args.input.display());
     let source = Source::new(&clip.skeleton, &clip.motion).with_context(cannot)?;

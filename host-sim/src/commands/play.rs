@@ -1,6 +1,8 @@
 //! `bunraku play`: clips on a puppet of virtual or real servos.
 
+use super::input::Length;
 use super::joints::Table;
+use super::number::{played_rate, seconds, speed};
 use super::play_report::{Progress, Spent, print, report};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use firmware::clock::Speed;
@@ -14,10 +16,11 @@ use host_sim::puppet_servos;
 use host_sim::rp2040js;
 use host_sim::settings;
 use host_sim::show::{PlayedShow, Program, Summary, show_page};
+use host_sim::signals::asked_to_end;
 use puppet_file::{Map, Puppet};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicUsize;
 
 /// Play clips on the servos of a puppet, virtual or real, and log every goal position that they are told.
 ///
@@ -52,10 +55,10 @@ pub struct Args {
     #[arg(long = "loop", value_name = "TIMES", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
     times: Option<u32>,
     /// Play so many times as fast as recorded, 0.25 to 4; within the puppet's limits, which may keep it from following.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = speed)]
     speed: f64,
     /// Begin so many seconds into the first clip; with --loop, each time.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, value_parser = seconds)]
     from: f64,
     /// Let the servos go in the end: a puppet that they hold up falls. Not where a fault ended it, since then the puppet's `on_fault`
     /// says what happens.
@@ -68,8 +71,10 @@ pub struct Args {
     #[arg(long, value_name = "PAGE.html")]
     html: Option<PathBuf>,
     /// Frames per second to play at, instead of each clip's own rate.
-    #[arg(long, value_name = "F")]
+    #[arg(long, value_name = "F", value_parser = played_rate)]
     fps: Option<f64>,
+    #[command(flatten)]
+    length: Length,
     /// Report as JSON.
     #[arg(long)]
     json: bool,
@@ -128,11 +133,14 @@ impl From<Played> for Outcome {
 
 pub fn run(args: Args) -> Result<ExitCode> {
     let bytes = args.clips.iter().map(|path| files::read(path)).collect::<Result<Vec<_>>>()?;
-    let parsed = args.clips.iter().zip(&bytes).map(|(path, bytes)| Clip::parse(path, bytes));
-    let clips = parsed.collect::<Result<Vec<_>>>()?;
+    let headers = args.clips.iter().zip(&bytes).map(|(path, bytes)| Clip::headers(path, bytes));
+    let clips = headers.collect::<Result<Vec<_>>>()?;
     let puppet = Puppet::read(&args.puppet)?;
+    // Names before frames: a clip of another puppet is refused at once, however long it is.
     let map = map_of(&args, &clips, &puppet)?;
     let performance = performance(&args, &clips)?;
+    check_length(&args, &performance, &map)?;
+    args.clips.iter().zip(&clips).try_for_each(|(path, clip)| clip.check(path, args.length.long))?;
     let one = args.clips[0].display();
     let name = if clips.len() == 1 { one.to_string() } else { format!("{} clips", clips.len()) };
     check_place(&args, &map)?;
@@ -237,11 +245,6 @@ fn performance<'c>(args: &Args, clips: &'c [Clip<'c>]) -> Result<Performance<'c>
     for (path, clip) in args.clips.iter().zip(clips) {
         centihertz = rate(path, clip, args.fps)?;
     }
-    ensure!(
-        (0.25..=4.0).contains(&args.speed),
-        "--speed is {}, expected 0.25 (four times as long as recorded) to 4",
-        args.speed
-    );
     let first = if centihertz > 0 { centihertz } else { clips[0].rate_centihertz() };
     let start = (args.from * f64::from(first) / 100.0).round();
     ensure!(
@@ -259,6 +262,30 @@ fn performance<'c>(args: &Args, clips: &'c [Clip<'c>]) -> Result<Performance<'c>
         speed: Speed::new((args.speed * 256.0).round() as u16),
         torque_off: args.torque_off,
     })
+}
+
+/// Goals that are told and noted down without being asked for: an hour and a half of 20 servos at 50 Hz.
+const MOST_GOALS: f64 = 6e6;
+
+/// Refuses what would take hours off a port, where time is not that of this machine and all goals are kept.
+fn check_length(args: &Args, performance: &Performance<'_>, map: &Map) -> Result<()> {
+    if args.length.long || matches!(args.on, On::Port(_)) {
+        return Ok(());
+    }
+    let of_clip = |clip: &&Clip<'_>| {
+        let rate = if performance.centihertz > 0 { performance.centihertz } else { clip.rate_centihertz() };
+        f64::from(clip.frames()) * 100.0 / f64::from(rate)
+    };
+    let once: f64 = performance.clips.iter().map(|(_, clip)| of_clip(clip)).sum();
+    let seconds = once * f64::from(performance.times) / args.speed;
+    let goals = seconds * f64::from(map.settings().tick_hz) * map.joints().len() as f64;
+    ensure!(
+        goals <= MOST_GOALS,
+        "{seconds:.0} s at {} Hz are {goals:.0} goals for {} servos, expected at most {MOST_GOALS:.0}: --long takes them all",
+        map.settings().tick_hz,
+        map.joints().len()
+    );
+    Ok(())
 }
 
 /// Whether what is asked can be done where it is asked.
@@ -335,19 +362,9 @@ fn write_page(
     files::write(path, |file| Ok(file.write_all(page.as_bytes())?))
 }
 
-/// Counts how often Ctrl-C was pressed, or somebody asked this program to end by a signal.
-pub fn asked_to_end() -> Result<&'static AtomicUsize> {
-    static ASKED: AtomicUsize = AtomicUsize::new(0);
-    let note = || {
-        ASKED.fetch_add(1, Ordering::Relaxed);
-    };
-    ctrlc::set_handler(note).context("cannot take Ctrl-C")?;
-    Ok(&ASKED)
-}
-
 /// The rate to play at in hundredths of a hertz, or 0 for the clip's own.
 pub fn rate(path: &Path, clip: &Clip<'_>, fps: Option<f64>) -> Result<u16> {
-    let centihertz = fps.map_or(Ok(0), centihertz)?;
+    let centihertz = fps.map_or(0, |fps| (fps * 100.0).round() as u16);
     if centihertz == 0 && clip.rate_centihertz() == 0 {
         bail!("{} does not say its frame rate: give one with --fps", path.display());
     }
@@ -358,14 +375,6 @@ pub fn rate(path: &Path, clip: &Clip<'_>, fps: Option<f64>) -> Result<u16> {
 pub fn map(path: &Path, clip: &Clip<'_>, puppet: &Path, skeleton: Option<PathBuf>) -> Result<Map> {
     let puppet = Puppet::read(puppet)?;
     Ok(puppet.map(channels::of_played(path, clip, &puppet, skeleton)?)?)
-}
-
-fn centihertz(fps: f64) -> Result<u16> {
-    let rate = (fps * 100.0).round();
-    if !(1.0..=f64::from(u16::MAX)).contains(&rate) {
-        bail!("--fps is {fps}, expected 0.01 to 655.35");
-    }
-    Ok(rate as u16)
 }
 
 /// Writes what the servos were told, a line for every goal.

@@ -1,5 +1,6 @@
 //! `bunraku profile`: what a clip costs on a microcontroller.
 
+use super::number::{above_zero, recorded_rate};
 use anyhow::{Context, Result, anyhow, bail};
 use encoder::qmd::{Method, Parameters};
 use host_sim::clip::Clip;
@@ -42,7 +43,7 @@ pub struct Args {
     #[arg(long, value_name = "FREQUENCY", value_parser = frequency)]
     clock: Option<f64>,
     /// Frames per second, instead of the clip's own rate.
-    #[arg(long, value_name = "F", value_parser = positive, conflicts_with = "puppet")]
+    #[arg(long, value_name = "F", value_parser = recorded_rate, conflicts_with = "puppet")]
     rate: Option<f64>,
     /// Wait states of the flash.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=15))]
@@ -51,7 +52,7 @@ pub struct Args {
     #[arg(long, value_name = "PART", value_parser = part)]
     part: Option<&'static Part>,
     /// The battery, with --part.
-    #[arg(long, value_name = "MAH", default_value_t = 1000.0, value_parser = positive, requires = "part")]
+    #[arg(long, value_name = "MAH", default_value_t = 1000.0, value_parser = above_zero, requires = "part")]
     battery: f64,
     /// Whether the decoder of a .qmd is lent RAM for a converted table; lent unless given.
     #[arg(long, value_enum)]
@@ -106,14 +107,9 @@ fn frequency(text: &str) -> Result<f64, String> {
         Some(rest) => (rest, 1e9),
         None => (number, 1.0),
     };
-    positive(number).map(|number| number * unit).map_err(|_| "expected for instance 64MHz".to_owned())
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("expected a number above 0".to_owned()),
-    }
+    above_zero(number)
+        .map(|number| number * unit)
+        .map_err(|_| format!("found {text:?}, expected a frequency above 0, such as 64MHz"))
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {

@@ -116,6 +116,7 @@ enum Action {
     /// Play faster or slower.
     Speed {
         /// 0.25 to 4; 1 is as recorded.
+        #[arg(value_parser = super::number::speed)]
         speed: f64,
     },
     /// Fade to another frame of the clip that plays.

@@ -1,7 +1,7 @@
 //! `bunraku rd`: rate against distortion, codec by codec.
 
 use super::codec;
-use super::encode::positive;
+use super::number::{above_zero, recorded_rate};
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use decoder_core::mclip::{CodecId, EntropyId};
@@ -37,7 +37,7 @@ pub struct Args {
     #[arg(long, value_name = "S.asf")]
     skeleton: Option<PathBuf>,
     /// Sample the motions at this rate first; they stay as recorded unless given.
-    #[arg(long, value_name = "F", value_parser = positive)]
+    #[arg(long, value_name = "F", value_parser = recorded_rate)]
     fps: Option<f64>,
     /// Take the first frames only, counted after --fps.
     #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u32).range(1..))]
@@ -51,13 +51,13 @@ pub struct Args {
     entropy: Vec<EntropyId>,
     /// Mean joint errors in cm, separated by commas.
     #[arg(
-        long, value_name = "CM", value_delimiter = ',', value_parser = positive, default_values = ["0.1", "0.25"],
+        long, value_name = "CM", value_delimiter = ',', value_parser = above_zero, default_values = ["0.1", "0.25"],
         conflicts_with_all = ["csv", "svg", "png", "figure", "trace"]
     )]
     errors: Vec<f64>,
     /// Bring the methods of sections 7.2 to 7.6 of the waveform-coding document to this PSNR, and tell their order.
     #[arg(
-        long, value_name = "DB", value_parser = positive,
+        long, value_name = "DB", value_parser = above_zero,
         conflicts_with_all = ["codecs", "entropy", "errors", "csv", "svg", "png", "figure", "trace"]
     )]
     psnr: Option<f64>,

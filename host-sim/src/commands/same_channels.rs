@@ -13,7 +13,7 @@ use std::path::Path;
 /// angles are another pose.
 pub fn of_motion(path: &Path, clip: &Clip, reference: &Skeleton) -> Result<Motion> {
     let names: Vec<&str> = clip.skeleton.channels.iter().map(|channel| channel.name.as_str()).collect();
-    let motion = of_names(path, &names, &clip.motion, reference)?;
+    let motion = clip.motion.with_channels(&places(path, &names, reference)?);
     for (index, joint) in reference.joints.iter().enumerate() {
         let expected = order(reference, index);
         let other = clip.skeleton.joints.iter().position(|other| other.name == joint.name);
@@ -31,20 +31,20 @@ pub fn of_motion(path: &Path, clip: &Clip, reference: &Skeleton) -> Result<Motio
     Ok(motion)
 }
 
-/// The same of a decoded clip: by the names that it has; a clip without names has the channels in order.
+/// Which of a clip's channels is each of the reference's: by the names that the clip has; a clip without names has the channels
+/// in order.
 ///
 /// # Errors
 /// A sentence where a channel is missing or too many.
-pub fn of_clip(path: &Path, bytes: &[u8], motion: &Motion, reference: &Skeleton) -> Result<Motion> {
-    let own = channels::of_clip(&AnyClip::parse(path, bytes)?);
-    let Some(own) = own else {
-        count(path, motion.channels, reference)?;
-        return Ok(motion.clone());
+pub fn of_clip(path: &Path, clip: &AnyClip<'_>, reference: &Skeleton) -> Result<Vec<usize>> {
+    let Some(own) = channels::of_clip(clip) else {
+        count(path, clip.channels(), reference)?;
+        return Ok((0..clip.channels()).collect());
     };
-    of_names(path, &own.names().collect::<Vec<_>>(), motion, reference)
+    places(path, &own.names().collect::<Vec<_>>(), reference)
 }
 
-fn of_names(path: &Path, names: &[&str], motion: &Motion, reference: &Skeleton) -> Result<Motion> {
+fn places(path: &Path, names: &[&str], reference: &Skeleton) -> Result<Vec<usize>> {
     count(path, names.len(), reference)?;
     let mut kept = Vec::new();
     for channel in &reference.channels {
@@ -58,7 +58,7 @@ fn of_names(path: &Path, names: &[&str], motion: &Motion, reference: &Skeleton) 
         };
         kept.push(place);
     }
-    Ok(motion.with_channels(&kept))
+    Ok(kept)
 }
 
 fn count(path: &Path, found: usize, reference: &Skeleton) -> Result<()> {

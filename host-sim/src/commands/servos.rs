@@ -1,6 +1,7 @@
 //! `bunraku servos`: virtual servos for any client.
 
 use anyhow::{Context, bail};
+use host_sim::files;
 use host_sim::puppet_servos::{self, ServedBus};
 use std::fs::File;
 use std::io::Write;
@@ -201,10 +202,7 @@ fn announce(open: &[(Port, ServedBus, serve::Served)], json: bool) -> anyhow::Re
 type Log = Arc<Mutex<File>>;
 
 fn open_log(path: &Path) -> anyhow::Result<Log> {
-    let cannot = || format!("cannot write {}", path.display());
-    let mut file = File::create(path).with_context(cannot)?;
-    writeln!(file, "time_s,bus,servo,goal_position").with_context(cannot)?;
-    Ok(Arc::new(Mutex::new(file)))
+    Ok(Arc::new(Mutex::new(files::create(path, b"time_s,bus,servo,goal_position\n")?)))
 }
 
 /// Writes goals to the log. Nothing is kept back, since this program ends by being stopped.

@@ -28,7 +28,7 @@ pub struct Args {
     #[arg(long, value_name = "IN", num_args = 1..)]
     held_out: Vec<PathBuf>,
     /// Frames per second at which each motion takes part, separated by commas; its own unless given.
-    #[arg(long, value_delimiter = ',', value_parser = super::encode::positive)]
+    #[arg(long, value_delimiter = ',', value_parser = super::number::recorded_rate)]
     fps: Vec<f64>,
     /// Fewest and most bits of a code to train for.
     #[arg(long, num_args = 2, value_names = ["FEWEST", "MOST"], default_values = ["2", "6"], value_parser = clap::value_parser!(u8).range(1..=8))]

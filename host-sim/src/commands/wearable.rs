@@ -33,10 +33,10 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=15))]
     wait_states: u32,
     /// Most percent of the time that it may be awake.
-    #[arg(long, value_name = "PERCENT")]
+    #[arg(long, value_name = "PERCENT", value_parser = super::number::percent)]
     most: Option<f64>,
     /// The battery.
-    #[arg(long, value_name = "MAH", default_value_t = 1000.0)]
+    #[arg(long, value_name = "MAH", default_value_t = 1000.0, value_parser = super::number::above_zero)]
     battery: f64,
     /// Report as JSON.
     #[arg(long)]

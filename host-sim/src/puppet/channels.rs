@@ -1,17 +1,19 @@
 //! The channels of the clips that a puppet plays.
 
 use crate::clip::Clip;
+use crate::terminal;
 use anyhow::{Result, bail};
 use mocap::{Motion, Skeleton};
 use puppet_file::{Channels, Owner, Puppet, Unit};
 use std::path::{Path, PathBuf};
 
-/// Those that a clip names: none of a .qmd, nor of a .mclip without names.
+/// Those that a clip names, each on one line: none of a .qmd, nor of a .mclip without names.
 pub fn of_clip(clip: &Clip<'_>) -> Option<Channels> {
     let Clip::Mclip(clip) = clip else { return None };
     let channels = clip.header().channels();
     let named = channels.clone().any(|channel| !channel.joint.is_empty());
-    let columns = channels.map(|channel| (channel.to_string(), Unit::of(channel.kind.is_rotation())));
+    let columns = channels
+        .map(|channel| (terminal::one_line(&channel.to_string()), Unit::of(channel.kind.is_rotation())));
     named.then(|| Channels::new(Owner::Clip, columns))
 }
 
@@ -72,7 +74,7 @@ pub fn check_clip(path: &Path, clip: &Clip<'_>, channels: &Channels) -> Result<(
 /// # Errors
 /// A sentence where the skeleton lacks one of them.
 pub fn on_skeleton(path: &Path, bytes: &[u8], motion: &Motion, skeleton: &Skeleton) -> Result<Motion> {
-    let (clip, all) = (Clip::parse(path, bytes)?, Channels::from(skeleton));
+    let (clip, all) = (Clip::headers(path, bytes)?, Channels::from(skeleton));
     let Some(own) = of_clip(&clip) else {
         check_clip(path, &clip, &all)?;
         return Ok(motion.clone());

@@ -7,7 +7,8 @@ use crate::files;
 use crate::play::{Note, NoteKind, Notes, Recorder, Recording, on_the_spot};
 use crate::qemu;
 use crate::qemu_log::Log;
-use anyhow::{Context, Result, bail};
+use crate::signals::Folder;
+use anyhow::{Result, bail};
 use firmware::clips::{Mailbox, WithLive, Worker, decode};
 use firmware::control_loop::Surroundings;
 use firmware::decoder_list::DecoderList;
@@ -237,7 +238,7 @@ fn simulate(
 /// As [`on_sim`].
 pub fn on_qemu(program: &Program, log: &mut dyn FnMut(&str)) -> Result<PlayedShow> {
     let elf = images::build(program, QEMU_SLACK_US)?;
-    let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
+    let folder = Folder::new()?;
     let path = folder.path().join("bunraku-show");
     files::write(&path, |file| Ok(file.write_all(&elf)?))?;
     let mut recorder = recorder(program)?;

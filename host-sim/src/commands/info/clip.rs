@@ -1,13 +1,15 @@
 //! `bunraku info` of a compressed clip.
 
 use crate::commands::input::is_mclip;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use decoder_core::Limits;
 use decoder_core::mclip::{self, ChannelKind};
 use decoder_core::qmd::Clip;
 use encoder::memory::OwnedMemory;
+use host_sim::clip::{Clip as AnyClip, most_values};
 use host_sim::cycle_limit::header_core;
 use host_sim::files;
+use host_sim::terminal;
 use std::path::Path;
 
 /// Prints what the clip holds.
@@ -55,13 +57,9 @@ pub fn print(file: &Path, list_channels: bool, json: bool) -> Result<()> {
 
 fn mclip(file: &Path, bytes: &[u8], list_channels: bool, json: bool) -> Result<()> {
     let name = file.display();
-    // Without a list of channels nothing is decoded, but every checksum is looked at.
-    let clip = mclip::Clip::parse(bytes, Limits::MAX).and_then(mclip::Clip::verify);
-    let clip = clip.with_context(|| format!("{name} is not a sound mclip"))?;
-    let ranges = match list_channels || json {
-        true => Ranges::of(&clip).with_context(|| format!("{name} is not a sound mclip"))?,
-        false => Ranges::default(),
-    };
+    let AnyClip::Mclip(clip) = AnyClip::headers(file, bytes)? else { bail!("{name} is not a sound mclip") };
+    // Every checksum was looked at. Of frames only as many are decoded as the file's size suggests.
+    let ranges = Ranges::of(&clip).with_context(|| format!("{name} is not a sound mclip"))?;
     let (header, fields) = (clip.header(), clip.header().fields());
     let fps = f64::from(fields.rate_numerator) / f64::from(fields.rate_denominator);
     let (codec, entropy) = (header.codec().id().name(), header.entropy().name());
@@ -125,17 +123,20 @@ fn mclip(file: &Path, bytes: &[u8], list_channels: bool, json: bool) -> Result<(
     }
     let resting = header.channels().filter(|channel| channel.bits == 0).count();
     println!("  {} channels, of which {resting} rest", clip.channels());
+    if ranges.frames < clip.frames() {
+        println!(
+            "  much longer than its size suggests: only the first {} frames were decoded",
+            ranges.frames
+        );
+    }
     if list_channels {
-        if ranges.frames < clip.frames() {
-            println!("  lowest and highest of the first {} frames", ranges.frames);
-        }
         println!("  channel            bits  step   low        high");
         for (index, channel) in header.channels().enumerate() {
             let (low, high) = range(index);
             let unit = unit(channel.kind);
             println!(
                 "  {:<18} {:>4} {:>5} {low:>10.3} {high:>10.3} {unit}",
-                channel.to_string(),
+                terminal::name(&channel.to_string()),
                 channel.bits,
                 channel.step
             );
@@ -144,11 +145,7 @@ fn mclip(file: &Path, bytes: &[u8], list_channels: bool, json: bool) -> Result<(
     Ok(())
 }
 
-/// Values that are decoded at most to find ranges: a small file may say that it has thousands of millions.
-const MOST_VALUES: usize = 20_000_000;
-
 /// Lowest and highest values.
-#[derive(Default)]
 struct Ranges {
     of_channels: Vec<(f64, f64)>,
     /// Of how many frames they are.
@@ -159,10 +156,10 @@ impl Ranges {
     fn of(clip: &mclip::Clip<'_>) -> Result<Self, decoder_core::Error> {
         let mut memory = OwnedMemory::new(clip.header().needs());
         let mut decoder = clip.decoder(memory.lend())?;
-        let most = (MOST_VALUES / clip.channels().max(1)) as u32;
+        let most = most_values(clip.bytes().len()) / clip.channels().max(1) as u64;
         let mut ranges =
             Self { of_channels: vec![(f64::INFINITY, f64::NEG_INFINITY); clip.channels()], frames: 0 };
-        while ranges.frames < most
+        while u64::from(ranges.frames) < most
             && let Some(pose) = decoder.next_frame()?
         {
             for ((low, high), value) in ranges.of_channels.iter_mut().zip(pose) {

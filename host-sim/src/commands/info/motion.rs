@@ -1,6 +1,7 @@
 //! `bunraku info` of a recording or a skeleton.
 
 use crate::commands::input;
+use host_sim::terminal;
 use mocap::import::unit;
 use mocap::skeleton::Dof;
 use mocap::survey::Survey;
@@ -69,8 +70,13 @@ pub fn print(file: &Path, clip: &Clip, all_channels: bool, json: bool) {
     if still > 0 && !all_channels {
         println!("  {still} channels stand still (--channels lists them too)");
     }
-    let width =
-        skeleton.channels.iter().map(|channel| channel.name.chars().count()).max().unwrap_or(0).max(18);
+    let width = skeleton
+        .channels
+        .iter()
+        .map(|channel| terminal::name(&channel.name).chars().count())
+        .max()
+        .unwrap_or(0)
+        .max(18);
     println!(
         "  {:<width$} {:>10} {:>10} {:>12}  turns  jumps by a turn",
         "channel", "low", "high", "speed per s"
@@ -82,7 +88,7 @@ pub fn print(file: &Path, clip: &Clip, all_channels: bool, json: bool) {
         let note = if flips(channel.joint).is_some() && channel.dof.is_rotation() { "  flips" } else { "" };
         println!(
             "  {:<width$} {:>10.3} {:>10.3} {:>12.1} {:>6} {:>6} {}{note}",
-            channel.name.escape_debug().to_string(),
+            terminal::name(&channel.name),
             found.low,
             found.high,
             found.speed,
@@ -127,6 +133,6 @@ pub fn print_skeleton(file: &Path, skeleton: &Skeleton, json: bool) {
     println!("  {:<20}  limits", "channel");
     for channel in &skeleton.channels {
         let limits = channel.limits.map_or_else(String::new, |(low, high)| format!("{low} to {high}"));
-        println!("  {:<20}  {limits} {}", channel.name, unit_of(channel.dof));
+        println!("  {:<20}  {limits} {}", terminal::name(&channel.name), unit_of(channel.dof));
     }
 }

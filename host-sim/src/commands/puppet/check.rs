@@ -36,7 +36,7 @@ pub struct Args {
     #[arg(long, value_name = "CLIP")]
     clip: Option<PathBuf>,
     /// Microseconds that servos wait before they answer: 0 as it should be set, 500 as from the factory.
-    #[arg(long, value_name = "US", default_value_t = 0.0)]
+    #[arg(long, value_name = "US", default_value_t = 0.0, value_parser = crate::commands::number::microseconds)]
     return_delay: f64,
     /// Read what the servos on this serial port are set to (NAME=PORT,NAME=PORT for a puppet with several buses).
     #[arg(long, value_name = "PORT")]
@@ -88,7 +88,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let puppet = Puppet::read(&args.puppet)?;
     let bytes = args.clip.as_deref().map(files::read).transpose()?;
     let clip = match (&args.clip, &bytes) {
-        (Some(path), Some(bytes)) => Some((path, Clip::parse(path, bytes)?)),
+        (Some(path), Some(bytes)) => Some((path, Clip::headers(path, bytes)?)),
         _ => None,
     };
     let channels = match &clip {
@@ -110,6 +110,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let demands = match &clip {
         None => None,
         Some((path, clip)) => {
+            clip.check(path, false)?;
             let demands = clip.decode(|frames| rehearse(frames, &map));
             Some(demands.with_context(|| format!("cannot play {}", path.display()))?)
         }

@@ -33,7 +33,7 @@ pub struct Args {
     #[arg(requires = "degrees")]
     joint: Option<String>,
     /// Where to, in degrees of its channel.
-    #[arg(allow_negative_numbers = true)]
+    #[arg(allow_negative_numbers = true, value_parser = crate::commands::number::angle)]
     degrees: Option<f64>,
     /// Let the joints that were moved go in the end.
     #[arg(long)]
