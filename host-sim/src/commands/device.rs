@@ -6,8 +6,8 @@ use host_sim::device::{self, Config, Key, Listener};
 use host_sim::link::key_file;
 use host_sim::puppet::channels;
 use puppet_file::Puppet;
+use std::cell::Cell;
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -90,17 +90,21 @@ pub fn run(args: Args) -> Result<ExitCode> {
         stream: firmware::stream::Settings { lost_millis: args.stream_lost, ..default.stream },
         key: key.map(|key| Key { lock: Box::leak(Box::new(key)), seed: seed() }),
     };
-    let mut out = std::io::stdout().lock();
-    if args.json {
-        let report =
-            serde_json::json!({ "port": port, "servos": map.joints().len(), "servo_hz": map.tick_hz() });
-        writeln!(out, "{report}")?;
+    let line = if args.json {
+        serde_json::json!({ "port": port, "servos": map.joints().len(), "servo_hz": map.tick_hz() })
+            .to_string()
     } else {
-        writeln!(out, "{port}")?;
-    }
-    out.flush()?;
-    drop(out);
-    device::run_device(&map, &config, listener, &|| false)?;
+        port
+    };
+    // Once it runs: whoever reads the port finds a device there.
+    let told = Cell::new(false);
+    let ended = || {
+        if !told.replace(true) {
+            println!("{line}");
+        }
+        false
+    };
+    device::run_device(&map, &config, listener, &ended)?;
     Ok(ExitCode::SUCCESS)
 }
 

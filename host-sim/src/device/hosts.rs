@@ -79,6 +79,9 @@ struct Host {
     read: u32,
     /// Whether it has a place; who has none only stops the puppet.
     seated: bool,
+    /// How often bytes were looked at.
+    #[cfg(test)]
+    serves: u32,
 }
 
 enum Connection {
@@ -121,7 +124,16 @@ impl Hosts {
         self.connections += 1;
         let locked = |key: Key| Session::locked(key.lock, key.seed.wrapping_add(self.connections));
         let session = self.key.map_or_else(Session::new, locked);
-        self.hosts.push(Host { connection, session, input: Vec::new(), came: now, read: now, seated: false });
+        self.hosts.push(Host {
+            connection,
+            session,
+            input: Vec::new(),
+            came: now,
+            read: now,
+            seated: false,
+            #[cfg(test)]
+            serves: 0,
+        });
     }
 
     /// Takes new hosts, reads what has come, gives each session its bytes, and sends what it has to say. `now` is in ms of a clock
@@ -130,14 +142,11 @@ impl Hosts {
         self.accept(now);
         self.seat();
         let Self { listener, hosts, .. } = self;
-        for host in hosts.iter_mut() {
-            host.serve(listener, now, &mut serve);
-            if matches!(host.connection, Connection::Tcp(_)) && host.is_over(now) {
-                host.hang_up();
-            }
-        }
-        // Who had to be there is missed until that is noticed.
-        hosts.retain(|host| !matches!(host.connection, Connection::Gone) || host.session.is_held());
+        hosts.iter_mut().for_each(|host| host.serve(listener, now, &mut serve));
+        // Places that become free are for those who wait, before their time is over too.
+        self.end(now, true);
+        self.seat();
+        self.end(now, false);
     }
 
     fn accept(&mut self, now: u32) {
@@ -167,6 +176,17 @@ impl Hosts {
             }
             self.add(connection, now);
         }
+    }
+
+    /// Ends the connections whose time is over, of those with a place or of the others.
+    fn end(&mut self, now: u32, seated: bool) {
+        for host in self.hosts.iter_mut().filter(|host| host.seated == seated) {
+            if matches!(host.connection, Connection::Tcp(_)) && host.is_over(now) {
+                host.hang_up();
+            }
+        }
+        // Who had to be there is missed until that is noticed.
+        self.hosts.retain(|host| !matches!(host.connection, Connection::Gone) || host.session.is_held());
     }
 
     /// Gives free places to those who have waited longest.
@@ -226,6 +246,10 @@ impl Host {
             self.input.extend(&buffer[..count]);
             let mut rest = self.input.as_slice();
             serve(&mut self.session, &mut rest);
+            #[cfg(test)]
+            {
+                self.serves += 1;
+            }
             let taken = self.input.len() - rest.len();
             self.input.drain(..taken);
             if count == 0 || !self.input.is_empty() || self.session.outgoing().len() != before {
@@ -259,3 +283,6 @@ impl Host {
 fn waits(kind: ErrorKind) -> bool {
     matches!(kind, ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }
+
+#[cfg(test)]
+mod tests;

@@ -202,7 +202,7 @@ fn command(random: &mut Random) -> Command {
 /// Requests that come from nowhere.
 fn anything<'c>(random: &mut Random, bytes: &'c [u8]) -> Request<'c> {
     let some = random.below(5) as u16;
-    match random.below(20) {
+    match random.below(23) {
         0 => Request::Hello { version: VERSION, session: random.below(3) as u32 },
         1 => Request::Telemetry { millis: random.below(60) as u16 },
         2 => Request::Hold { millis: [0, 0, 0, 200][random.below(4)] },
@@ -214,6 +214,9 @@ fn anything<'c>(random: &mut Random, bytes: &'c [u8]) -> Request<'c> {
         8 => Request::Stream { bytes: random.below(10_000) as u32 },
         9 => Request::Header { offset: random.below(2000) as u32, bytes: &bytes[..random.below(1000)] },
         10 => Request::Packet { bytes: &bytes[..random.below(1000)] },
+        11 => Request::Facts { clip: [some, LIVE][random.below(2)] },
+        12 => Request::Demands,
+        13 => Request::Prove { proof: &bytes[..random.below(40)] },
         _ => Request::Command(command(random)),
     }
 }

@@ -4,5 +4,7 @@
 mod flash;
 mod fuzz;
 mod session;
+mod stranger;
+mod uploads;
 mod virtual_device;
 mod wrong_devices;

@@ -412,3 +412,72 @@ proptest! {
         prop_assert!(executed.iter().copied().eq(1..=frames));
     }
 }
+
+/// Doubled frames, old proofs and proofs of other sessions: a key lets nobody in who does not have it, and whoever has it at once.
+#[test]
+fn a_locked_line_hears_who_has_the_key() {
+    use crate::link::key::{HmacKey, proof};
+    let lock: &'static HmacKey = Box::leak(Box::new(HmacKey::new(&[7; 16]).unwrap()));
+    let mut session = Session::locked(lock, 3);
+    let key = |number| (number, refused(Refusal::Key));
+    let none = |number| (number, refused(Refusal::NoSession));
+    let challenge = |session: &mut Session, number: u16, host: u32| {
+        let (answers, _) =
+            serve(session, &[frame(number, &hello(host)), frame(number, &hello(host))].concat(), 0);
+        let [(_, Answer::Response(Response::Challenge { nonce })), again] = &answers[..] else {
+            panic!("{answers:?}")
+        };
+        assert_eq!(*again, answers[0], "a hello that comes twice is challenged once");
+        nonce.clone()
+    };
+    let first = challenge(&mut session, 5, 1);
+    assert_eq!(serve(&mut session, &frame(6, &STOP), 0), (vec![none(6)], vec![]));
+    let old = proof(lock, &first, 1);
+    let second = challenge(&mut session, 7, 2);
+    assert_ne!(first, second);
+    // The proof of the challenge before, and of another session.
+    assert_eq!(serve(&mut session, &frame(8, &Request::Prove { proof: &old }), 0).0, [key(8)]);
+    let third = challenge(&mut session, 9, 2);
+    let other = proof(lock, &third, 1);
+    assert_eq!(serve(&mut session, &frame(10, &Request::Prove { proof: &other }), 0).0, [key(10)]);
+    // A challenge is for one proof, though it were the right one.
+    let right = proof(lock, &third, 2);
+    assert_eq!(serve(&mut session, &frame(11, &Request::Prove { proof: &right }), 0).0, [key(11)]);
+    assert!(!session.is_open());
+    let fourth = challenge(&mut session, 12, 2);
+    let right = proof(lock, &fourth, 2);
+    let prove = frame(13, &Request::Prove { proof: &right });
+    let twice = [(13, Answer::Response(me())), (13, Answer::Response(me()))];
+    assert_eq!(serve(&mut session, &[&prove[..], &prove].concat(), 0).0, twice);
+    assert_eq!(serve(&mut session, &frame(14, &STOP), 0), (vec![done(14)], vec![Command::Stop]));
+    assert_eq!(session.number(), Some(2));
+    // Who comes after a hang up has to prove it again, and a hold outlives that.
+    serve(&mut session, &frame(15, &Request::Hold { millis: 100 }), 0);
+    session.hang_up();
+    assert_eq!(serve(&mut session, &frame(16, &STOP), 0).0, [none(16)]);
+    assert!(session.is_held() && session.lost(200));
+    // An open line has no use for proofs.
+    let mut open = Session::new();
+    assert_eq!(serve(&mut open, &frame(1, &Request::Prove { proof: &right }), 0).0, [key(1)]);
+}
+
+#[test]
+fn who_has_no_place_is_heard_when_it_says_stop() {
+    let mut session = Session::new();
+    session.seat(Some(4));
+    assert_eq!(serve(&mut session, &frame(1, &hello(1)), 0).0, [(1, Answer::Response(me()))]);
+    let full = |number| (number, refused(Refusal::Full { hosts: 4 }));
+    for (number, request) in [
+        (2, Request::Command(Command::Home)),
+        (3, Request::Hold { millis: 9 }),
+        (4, Request::Telemetry { millis: 9 }),
+        (5, Request::Clip { index: 0 }),
+    ] {
+        assert_eq!(serve(&mut session, &frame(number, &request), 0), (vec![full(number)], vec![]));
+    }
+    assert!(!session.is_held());
+    assert_eq!(serve(&mut session, &frame(6, &Request::Alive), 0).0, [done(6)]);
+    assert_eq!(serve(&mut session, &frame(7, &STOP), 0).1, [Command::Stop]);
+    session.seat(None);
+    assert_eq!(serve(&mut session, &frame(8, &Request::Command(Command::Home)), 0).1, [Command::Home]);
+}
