@@ -3,7 +3,7 @@
 use crate::image::Image;
 use crate::profile::elf::Memory;
 use anyhow::{Result, anyhow, bail};
-use firmware::map::BusKind;
+use firmware::map::{BusKind, PCA9685_HZ};
 use puppet_file::{Map, to_bytes};
 use serde::Serialize;
 use servo_wire::pwm::PwmTiming;
@@ -32,9 +32,6 @@ pub struct Board {
     /// Kinds of buses that it has, one of each.
     buses: &'static [BusKind],
 }
-
-/// Pulses a second that a PCA9685 gives.
-const PCA9685_HZ: u32 = 50;
 
 /// What boards with hobby servos have.
 const HOBBY: &[BusKind] = &[BusKind::Dynamixel, BusKind::Pca9685, BusKind::Pwm];
@@ -145,7 +142,7 @@ impl Board {
             if map.buses().iter().take(index).any(|other| other.kind == bus.kind) {
                 bail!("the puppet has two buses of the kind \"{kind}\", and this board one");
             }
-            if bus.kind == BusKind::Pca9685 && bus.baud != PCA9685_HZ {
+            if bus.kind == BusKind::Pca9685 && bus.rate() != PCA9685_HZ {
                 bail!("this board's PCA9685 gives {PCA9685_HZ} pulses a second, and `baud` is {}", bus.baud);
             }
             if bus.kind != BusKind::Pwm {

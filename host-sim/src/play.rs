@@ -19,6 +19,7 @@ use puppet_file::Map;
 use servo_wire::bus::ServoBus;
 use servo_wire::dynamixel::bus::DynamixelBus;
 use servo_wire::dynamixel::client::DynamixelClient;
+use servo_wire::pca9685::OSCILLATOR_HZ;
 use servo_wire::port::{Automatic, LineConfig, Port};
 use servo_wire::pwm::PwmTiming;
 use std::cell::RefCell;
@@ -114,7 +115,7 @@ pub fn virtual_bus<F: FnMut(&[u8]) -> Vec<u8>>(
     let serial = DynamixelBus::<_, _, _>::new(DynamixelClient::new(port));
     let buses = BoardBuses {
         serial: Some((BusKind::Dynamixel, serial)),
-        pca9685: Some(board.pca9685()?),
+        pca9685: Some(board.pca9685(map.oscillator_hz().unwrap_or(OSCILLATOR_HZ))?),
         pwm: of(BusKind::Pwm).map(|spec| pwm_timing(spec.baud)).transpose()?.map(|timing| board.pwm(timing)),
     };
     Ok(buses.of_map(map)?)

@@ -4,6 +4,7 @@ use anyhow::{Context, ensure};
 use firmware::map::BusKind;
 use puppet_file::{NamedServo, Puppet};
 use serde::Deserialize;
+use servo_wire::dynamixel::table::MODEL_NUMBER;
 use std::path::Path;
 use toml::Table;
 use virtual_servos::blender::BlenderSink;
@@ -25,8 +26,8 @@ pub struct ServedBus {
 }
 
 impl ServedBus {
-    /// The servos, virtual; none where they hang on a board's pins. A Dynamixel X is an XM430-W350, whatever model the
-    /// puppet says.
+    /// The servos, virtual; none where they hang on a board's pins. A Dynamixel X has the model number that the puppet says, and is an
+    /// XM430-W350 or, of the series XL330 and XC330, has its indirect addresses where those have them.
     ///
     /// # Errors
     /// As [`DynamixelServos::new`].
@@ -35,7 +36,15 @@ impl ServedBus {
         Ok(Some(match (self.kind, protocol1_family(self.kind)) {
             (_, Some(family)) => Box::new(Protocol1Servos::new(family, &self.servos, byte_gap_us)?),
             (BusKind::Dynamixel, _) => {
-                Box::new(DynamixelServos::new(&DynamixelConfig { servos: servos().collect(), byte_gap_us })?)
+                let config = DynamixelConfig { servos: servos().collect(), byte_gap_us };
+                let mut bus = DynamixelServos::new(&config)?;
+                for (servo, model) in &self.servos {
+                    if let Some(model) = *model {
+                        let (servo, address, value) = (servo.id, MODEL_NUMBER.address, model.into());
+                        bus.schedule(0, Disturbance::Set { servo, address, value })?;
+                    }
+                }
+                Box::new(bus)
             }
             (BusKind::Blender, _) => Box::new(BlenderSink::new(servos().map(|servo| servo.id).collect())),
             _ => return Ok(None),
@@ -53,21 +62,31 @@ const fn protocol1_family(kind: BusKind) -> Option<Protocol1Family> {
     }
 }
 
-/// Reads the buses of a puppet and their servos: those of its joints, which stay within their `goal_range` where it is given.
+/// Reads the buses of a puppet and their servos: those of its joints, each at its home, which stay within their `goal_range` where
+/// it is given.
 ///
 /// # Errors
 /// A sentence with the file, the line and the key.
 pub fn read(path: &Path) -> anyhow::Result<Vec<ServedBus>> {
     let puppet = Puppet::read(path)?;
+    // A puppet with mistakes has servos too.
+    let map = puppet.channels().and_then(|channels| puppet.map(channels)).ok();
+    let home = |bus: usize, id: u8| {
+        let joint =
+            map.as_ref()?.joints().iter().find(|joint| (usize::from(joint.bus), joint.id) == (bus, id));
+        joint.map(|joint| joint.home)
+    };
     let buses = puppet.bus_names().into_iter().zip(puppet.buses()?);
     let mut buses: Vec<ServedBus> =
         buses.map(|(name, bus)| ServedBus { name, kind: bus.kind, servos: Vec::new() }).collect();
     for NamedServo { bus, id, model, goal_range, .. } in puppet.servos()? {
+        let home = home(bus, id);
         let bus = buses.get_mut(bus).context("a joint is on no bus that is there")?;
         let most = protocol1_family(bus.kind).map_or(4095, |family| family.max_position(model));
         let [one, other] = goal_range.unwrap_or([0, most]);
         let (min_position, max_position) = (one.min(other), one.max(other));
-        let position = (most + 1) / 2;
+        // Where the puppet is at rest: a joint that stands outside its range is moved by nobody.
+        let position = home.unwrap_or((most + 1) / 2).clamp(min_position.min(max_position), max_position);
         bus.servos.push((ServoConfig { id, position, min_position, max_position }, model));
     }
     ensure!(
@@ -78,6 +97,15 @@ pub fn read(path: &Path) -> anyhow::Result<Vec<ServedBus>> {
     Ok(buses)
 }
 
+/// A bus of servos in the middle of their turn, whom no puppet names.
+#[must_use]
+pub fn without_puppet(kind: BusKind, ids: &[u8]) -> ServedBus {
+    let most = protocol1_family(kind).map_or(4095, |family| family.max_position(None));
+    let servo =
+        |&id: &u8| (ServoConfig { id, position: (most + 1) / 2, min_position: 0, max_position: most }, None);
+    ServedBus { name: "bus".to_owned(), kind, servos: ids.iter().map(servo).collect() }
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Events {
@@ -86,8 +114,8 @@ struct Events {
 
 /// Reads what is to happen to servos, with the time of each in microseconds: tables `[[event]]` with `at` (seconds)
 /// and
-/// `what`, one of `restart` (`servo`), `silence` (`servo`, `seconds`), `cut` (`seconds`) and `turn` (`servo`,
-/// `position`); with the name of the `bus`, where an event says it.
+/// `what`, one of `restart` (`servo`), `silence` (`servo`, `seconds`), `cut` (`seconds`), `turn` (`servo`, `position`) and
+/// `set` (`servo`, `address`, `value`); with the name of the `bus`, where an event says it.
 ///
 /// # Errors
 /// A sentence with the file and the event.

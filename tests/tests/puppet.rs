@@ -129,6 +129,80 @@ fn check_tells_all_mistakes() {
     assert!(error.contains("has id 4 as well") && error.contains("no joint \"rshin\""), "{error}");
 }
 
+/// Mistakes of every sort in one file, each with its line, in the order of the file.
+#[test]
+fn check_tells_every_mistake_with_its_line() {
+    let text = "servo_hz = 0\nease_seconds = 99\nease_speed = 0\nbaud = 1_000_000\ncolour = 'red'\n\
+        [[chain]]\nname = 'arm'\nbone = 'right upper arm'\nagainst = 'chest'\n\
+        [[joint]]\nname = 'one'\nchain = 'arm'\naxis = 'x'\nid = 255\nrange = [-30, 10, 30, 40]\nmax_speed = 450\n\
+        [[joint]]\nname = 'two'\nchain = 'arm'\naxis = '-x'\nid = 2\nrange = [nan, 0]\nmax_speed = 450\n\
+        [[joint]]\nname = \"thr\\u001bee\"\nchannel = 'head.ry'\nid = 2\nrange = [10, 10]\nmax_speed = 0\n\
+        [[joint]]\nname = 'four'\nchannel = 'head.ry'\nid = 300\nrange = [100, 200]\nmax_acceleration = 1e-308\n\
+        sum = [{ bone = 'head', against = 'chest', axis = 'x', weight = 0 }]\n\
+        [[joint]]\nname = 'four'\nid = 6\nchannel = 'head.rx'\nrange = [-10, 10]\nmax_speed = 'fast'\ndirection = 7\n\
+        home = 40\nmodel = 'XM431'\nscale = -1\n";
+    let expected = [
+        (1, "servo_hz", "found 0, expected 1 to 1000"),
+        (2, "ease_seconds", "found 99, expected 0 to 60"),
+        (3, "ease_speed", "found 0, expected 0.00390625 to 1"),
+        (5, "colour", "unknown field `colour`"),
+        (14, "id", "found 255, expected 0 to 252"),
+        (15, "range", "found 4 numbers, expected two"),
+        (20, "axis", "the axis is that of \"one\" before it"),
+        (22, "range", "found NaN, expected a number"),
+        (25, "name", "found a control character"),
+        (27, "id", "joint \"two\" has id 2 as well"),
+        (28, "range", "found 10 twice"),
+        (29, "max_speed", "found 0, expected more than 0"),
+        (30, "", "missing field `max_speed`"),
+        (31, "name", "expected one of `channel`, `turn`, `chain` and `sum`"),
+        (33, "id", "invalid value: integer `300`"),
+        (34, "range", "these are goals 3186 to 4324"),
+        (35, "max_acceleration", "too little for a servo"),
+        (36, "sum", "found 0, with which the turn counts for nothing"),
+        (38, "name", "another joint has this name"),
+        (42, "max_speed", "invalid type: string \"fast\""),
+        (43, "direction", "found 7, expected 1 or -1"),
+        (45, "model", "the model \"XM431\" is not known"),
+        (46, "scale", "found -1, expected more than 0"),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wrong.toml");
+    fs::write(&path, text).unwrap();
+    let (code, _, error) = run(sub("check").arg(&path));
+    assert_eq!(code, Some(1));
+    let said: Vec<&str> = error.lines().collect();
+    for (line, key, sentence) in expected {
+        let place = match key {
+            "" => format!("wrong.toml, line {line}: "),
+            key => format!("wrong.toml, line {line}, key \"{key}\": "),
+        };
+        let is = |said: &&&str| said.contains(&format!("{place}{sentence}"));
+        assert_eq!(said.iter().filter(is).count(), 1, "{place}{sentence} is not once in {error}");
+    }
+    assert_eq!(said.len(), expected.len(), "{error}");
+}
+
+#[test]
+fn long_names_and_clips_for_other_puppets_are_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("puppet.toml");
+    let joint = |name: &str, id: u8, follows: &str| {
+        format!("[[joint]]\nname = '{name}'\nid = {id}\n{follows}\nrange = [-10, 10]\nmax_speed = 100\n")
+    };
+    let head = "servo_hz = 50\nbaud = 1_000_000\n";
+    fs::write(&path, format!("{head}{}", joint(&"n".repeat(65_536), 1, "channel = 'head.ry'"))).unwrap();
+    let (code, _, error) = run(sub("check").arg(&path));
+    assert!(code == Some(1) && error.contains("line 4, key \"name\": found 65536"), "{error}");
+    assert!(error.len() < 400, "{} bytes", error.len());
+    let turn = "turn = { bone = 'head', against = 'chest', axis = 'y' }";
+    fs::write(&path, format!("{head}{}{}", joint("one", 1, turn), joint("two", 2, turn))).unwrap();
+    fs::write(folder.path().join("sample.asf"), sample::asf()).unwrap();
+    let clip = clip(folder.path());
+    let (code, _, error) = run(sub("check").arg(&path).arg("--clip").arg(&clip));
+    assert_eq!((code, error.matches("was not made for this puppet").count()), (Some(1), 1), "{error}");
+}
+
 #[test]
 fn scan_finds_who_is_there_and_who_is_not() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,6 +1,7 @@
 //! What servos hang on.
 
 use crate::numbered::numbered;
+use core::ops::RangeInclusive;
 use serde::{Deserialize, Serialize};
 
 numbered! {
@@ -57,6 +58,36 @@ pub const MAX_BUSES: usize = 4;
 pub struct BusSpec {
     /// What it speaks.
     pub kind: BusKind,
-    /// Bits per second, not 0; for PWM the pulses per second.
+    /// Bits per second, not 0; for PWM the pulses per second. For a PCA9685 the pulses per second or, from
+    /// [`OSCILLATORS`] on, the hertz of its oscillator, with which it gives [`PCA9685_HZ`].
     pub baud: u32,
+}
+
+/// Pulses per second that a PCA9685 gives.
+pub const PCA9685_HZ: u32 = 50;
+
+/// Hertz that the oscillator of a PCA9685 may have to give [`PCA9685_HZ`].
+pub const OSCILLATORS: RangeInclusive<u32> = 3_000_000..=50_000_000;
+
+impl BusSpec {
+    /// A PCA9685 that gives so many pulses per second, with its oscillator's hertz. At [`PCA9685_HZ`] the oscillator is
+    /// what is kept.
+    #[must_use]
+    pub const fn pca9685(pulses_hz: u32, oscillator_hz: u32) -> Self {
+        let baud = if pulses_hz == PCA9685_HZ { oscillator_hz } else { pulses_hz };
+        Self { kind: BusKind::Pca9685, baud }
+    }
+
+    /// The hertz of its oscillator, where it has one and the puppet says them.
+    #[must_use]
+    pub const fn oscillator_hz(self) -> Option<u32> {
+        let says = matches!(self.kind, BusKind::Pca9685) && self.baud >= *OSCILLATORS.start();
+        if says { Some(self.baud) } else { None }
+    }
+
+    /// Bits per second, or pulses per second.
+    #[must_use]
+    pub const fn rate(self) -> u32 {
+        if self.oscillator_hz().is_some() { PCA9685_HZ } else { self.baud }
+    }
 }

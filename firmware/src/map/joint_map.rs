@@ -176,6 +176,11 @@ impl<const N: usize> JointMap<N> {
         bus.is_some_and(|bus| bus.kind.reads())
     }
 
+    /// The hertz of its PCA9685's oscillator, where the puppet says them.
+    pub fn oscillator_hz(&self) -> Option<u32> {
+        self.buses.iter().find_map(|bus| bus.oscillator_hz())
+    }
+
     /// The numbers of the joints on a bus.
     pub fn on_bus(&self, bus: u8) -> Range<usize> {
         let start = self.joints.partition_point(|joint| joint.bus < bus);

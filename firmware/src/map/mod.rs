@@ -11,7 +11,7 @@ mod joint_map;
 mod settings;
 mod wire;
 
-pub use bus::{BusKind, BusSpec, MAX_BUSES};
+pub use bus::{BusKind, BusSpec, MAX_BUSES, OSCILLATORS, PCA9685_HZ};
 pub use error::MapError;
 pub use joint::{GOAL_LIMIT, Idle, Joint};
 pub use joint_map::{JointMap, MAX_SERVOS};

@@ -9,18 +9,29 @@ use servo_wire::pca9685::CHANNELS;
 use std::io;
 use std::path::{Path, PathBuf};
 
+/// Most letters of a name.
+pub(crate) const MOST_LETTERS: usize = 100;
+
 /// What is wrong with a puppet.toml, and where. It is written as one sentence with the file, the line and the key.
 #[derive(Debug)]
 pub struct Error {
     path: PathBuf,
     place: Option<Place>,
+    /// Whether it is about a value that was made up.
+    of_filler: bool,
     /// In a box: the largest problems have several names, and a result should be small.
     problem: Box<Problem>,
 }
 
 impl Error {
     pub(crate) fn new(path: &Path, place: Option<Place>, problem: impl Into<Problem>) -> Self {
-        Self { path: path.to_owned(), place, problem: Box::new(problem.into()) }
+        Self { path: path.to_owned(), place, of_filler: false, problem: Box::new(problem.into()) }
+    }
+
+    /// The same, about a value that was made up.
+    pub(crate) const fn of_filler(mut self, of_filler: bool) -> Self {
+        self.of_filler = of_filler;
+        self
     }
 
     /// The file.
@@ -44,13 +55,27 @@ impl fmt::Display for Error {
         let path = self.path.display();
         match (self.problem(), &self.place) {
             (Problem::Read(error), _) => write!(f, "cannot read {path}: {error}"),
-            (problem, Some(place)) => write!(f, "{path}{place}: {problem}"),
-            (problem, None) => write!(f, "{path}: {problem}"),
+            (problem, Some(place)) => write!(f, "{path}{place}: {}", shown(&problem.to_string())),
+            (problem, None) => write!(f, "{path}: {}", shown(&problem.to_string())),
         }
     }
 }
 
 impl std::error::Error for Error {}
+
+/// A sentence with names from a file as it can be printed: on one line, without what a terminal takes for a command, and not much
+/// longer than a sentence.
+fn shown(sentence: &str) -> String {
+    const MOST: usize = 600;
+    let mut shown = String::new();
+    for letter in sentence.chars().take(MOST) {
+        if letter.is_control() { shown.extend(letter.escape_default()) } else { shown.push(letter) }
+    }
+    if sentence.chars().nth(MOST).is_some() {
+        shown.push('…');
+    }
+    shown
+}
 
 /// What is wrong with a puppet.toml.
 #[derive(Debug, thiserror::Error)]
@@ -113,6 +138,12 @@ pub enum Problem {
     /// More joints than a map holds.
     #[error("more than {MAX_SERVOS} joints, the most that a board holds")]
     TooManyJoints,
+    /// A name that cannot be told, or is too long for that.
+    #[error("found {found}, expected 1 to {MOST_LETTERS} letters, none of them a control character")]
+    Name {
+        /// What was found.
+        found: String,
+    },
     /// Two joints have this name.
     #[error("another joint has this name")]
     JointTwice,
@@ -222,6 +253,24 @@ pub enum Problem {
         /// How many.
         found: usize,
     },
+    /// A range of one place.
+    #[error("found {found} twice, expected two ends that are apart: the joint could not move")]
+    EmptyRange {
+        /// Both ends.
+        found: f64,
+    },
+    /// Two servos one behind the other that turn about the same axis.
+    #[error("the axis is that of \"{joint}\" before it, so both do the same: the two must be apart")]
+    ParallelAxes {
+        /// Name of the other joint.
+        joint: String,
+    },
+    /// A turn that counts for nothing.
+    #[error("found 0, with which the turn counts for nothing: leave the turn out")]
+    WeightZero,
+    /// An oscillator of a bus that has none.
+    #[error("only a bus of the kind \"pca9685\" has an oscillator")]
+    OscillatorElsewhere,
     /// A range beyond that of the servo.
     #[error("these are goals {min} to {max}, a servo takes {lowest} to {highest}")]
     RangeBeyondServo {
@@ -230,9 +279,9 @@ pub enum Problem {
         /// Highest goal of the range.
         max: f64,
         /// Lowest goal of the servo.
-        lowest: i32,
+        lowest: f64,
         /// Highest goal of the servo.
-        highest: i32,
+        highest: f64,
     },
     /// A home out of the range.
     #[error("this is goal {goal}, the range is {min} to {max}")]
@@ -282,8 +331,17 @@ pub enum Problem {
 pub(crate) struct Mistakes(Vec<Error>);
 
 impl Mistakes {
+    /// Notes a mistake; one of a value that was made up is told to nobody, and one of the whole clip once.
     pub(crate) fn add(&mut self, mistake: Error) {
-        self.0.push(mistake);
+        let not_fitted = |error: &Error| matches!(error.problem(), Problem::NotFitted);
+        if !(mistake.of_filler || not_fitted(&mistake) && self.0.iter().any(not_fitted)) {
+            self.0.push(mistake);
+        }
+    }
+
+    /// Notes several.
+    pub(crate) fn add_all(&mut self, mistakes: impl IntoIterator<Item = Error>) {
+        mistakes.into_iter().for_each(|mistake| self.add(mistake));
     }
 
     /// What there is of a result; its error is kept.

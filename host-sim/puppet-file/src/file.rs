@@ -52,6 +52,7 @@ pub(crate) struct BusEntry {
     #[serde(deserialize_with = "bus_kind")]
     pub(crate) kind: BusKind,
     pub(crate) baud: Spanned<u32>,
+    pub(crate) oscillator_hz: Option<Spanned<u32>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -75,6 +76,13 @@ pub(crate) struct TurnEntry {
 /// A direction of length 1 in figure axes: x to the figure's left, y up, z forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Axis(pub(crate) [f64; 3]);
+
+impl Axis {
+    /// Whether the other one is the same line, but for less than 2.6 degrees.
+    pub(crate) fn is_parallel(&self, other: &Self) -> bool {
+        self.0.iter().zip(other.0).map(|(one, other)| one * other).sum::<f64>().abs() > 0.999
+    }
+}
 
 /// What an axis may be.
 const AXIS: &str = "an axis: \"x\", \"-x\", \"y\", \"-y\", \"z\", \"-z\", or three numbers as [0, 1, 0]";

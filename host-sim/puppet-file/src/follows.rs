@@ -54,10 +54,21 @@ impl Puppet {
                 mistakes.add(self.wrong(&chain.name, Problem::ChainTwice));
                 continue;
             }
+            self.check_name(&chain.name, mistakes);
             let follows = |entry: &&JointEntry| entry.chain.as_ref().is_some_and(|own| own.get_ref() == name);
-            let found = self.file.joint.iter().filter(follows).count();
+            let joints: Vec<&JointEntry> = self.file.joint.iter().filter(follows).collect();
+            let found = joints.len();
             if found == 0 || found > MAX_CHAIN {
                 mistakes.add(self.wrong(&chain.name, Problem::ChainJoints { found }));
+            }
+            for pair in joints.windows(2) {
+                let &[before, behind] = pair else { continue };
+                if let (Some(one), Some(other)) = (&before.axis, &behind.axis)
+                    && one.get_ref().is_parallel(other.get_ref())
+                {
+                    let joint = before.name.get_ref().clone();
+                    mistakes.add(self.wrong(other, Problem::ParallelAxes { joint }));
+                }
             }
         }
     }
@@ -85,6 +96,9 @@ impl Puppet {
         }
         for turn in sum.iter().flatten() {
             mistakes.note(self.weight(turn));
+            if let Some(weight) = turn.weight.as_ref().filter(|weight| *weight.get_ref() == 0.0) {
+                mistakes.add(self.wrong(weight, Problem::WeightZero));
+            }
         }
         if let Some(weight) = turn.as_ref().and_then(|turn| turn.weight.as_ref()) {
             mistakes.add(self.wrong(weight, Problem::WeightOfTurn));

@@ -1,6 +1,6 @@
 //! A joint's entry in numbers that a device uses.
 
-use crate::channels::{Channels, Unit};
+use crate::channels::{Channels, Owner, Unit};
 use crate::error::{Error, Mistakes, Problem};
 use crate::file::JointEntry;
 use crate::models;
@@ -87,11 +87,19 @@ impl Puppet {
             None => speed.map(|speed| speed / DEFAULT_RISE),
             Some(acceleration) => mistakes.note(self.positive(acceleration, f64::MAX)),
         };
-        let (Channel { index, unit, scale, offset }, sign) = (channel?, sign?);
+        // What else is wrong is told too, as far as it does not depend on what is not known.
+        let known = channel.is_some() && sign.is_some();
+        let given = entry.scale.as_ref().map(|scale| *scale.get_ref()).filter(|scale| *scale > 0.0);
+        let unknown =
+            Channel { index: 0, unit: Unit::Degree, scale: given.unwrap_or(per_degree), offset: 0.0 };
+        let (Channel { index, unit, scale, offset }, sign) =
+            (channel.unwrap_or(unknown), sign.unwrap_or(1.0));
+        let ends = if known { (f64::from(lowest), f64::from(highest)) } else { (f64::MIN, f64::MAX) };
         let zero = entry.zero.as_ref().map_or(units.middle(), |zero| *zero.get_ref());
         let to_goal = |value: f64| (f64::from(zero) + sign * scale * value).round();
-        let range = mistakes.note(self.range(entry, (lowest, highest), to_goal));
+        let range = mistakes.note(self.range(entry, ends, to_goal));
         let home = match (&entry.home, range) {
+            _ if !known => Some(f64::from(zero)),
             (Some(home), Some((min, max))) => {
                 let goal = to_goal(*home.get_ref());
                 let fits = (min..=max).contains(&goal).then_some(goal);
@@ -102,7 +110,7 @@ impl Puppet {
             (None, Some((min, max))) => Some(f64::from(zero).clamp(min, max)),
             (_, None) => None,
         };
-        let hz = f64::from(*self.file.servo_hz.get_ref());
+        let hz = f64::from(self.servo_hz());
         let fine = f64::from(1 << FINE_BITS);
         let most = f64::from(MAX_VELOCITY);
         let velocity = speed.and_then(|speed| {
@@ -169,7 +177,9 @@ impl Puppet {
         let offset = self.offset(entry)?;
         let place = entry.channel.as_ref().unwrap_or(&entry.name);
         let own = self.own_channel(entry)?.0;
-        let fitted = if channels.may_be_fitted() { channels.find(&own).ok() } else { None };
+        // The puppet's own are as they should be, also where two of its joints have one name.
+        let fits = channels.owner() == Owner::Puppet || channels.may_be_fitted();
+        let fitted = if fits { channels.find(&own).ok() } else { None };
         let ((index, unit), offset) = match (fitted, &entry.channel) {
             // Its values are those of the joint already.
             (Some(found), _) => (found, 0.0),
@@ -202,7 +212,7 @@ impl Puppet {
     fn range(
         &self,
         entry: &JointEntry,
-        (lowest, highest): (i32, i32),
+        (lowest, highest): (f64, f64),
         to_goal: impl Fn(f64) -> f64,
     ) -> Result<(f64, f64), Error> {
         let (goals, place): (Vec<f64>, _) = match (&entry.range, &entry.goal_range) {
@@ -217,7 +227,11 @@ impl Puppet {
             return Err(self.wrong_at(place, Problem::NotFinite { found }));
         }
         let (min, max) = (one.min(other), one.max(other));
-        if !(min >= f64::from(lowest) && max <= f64::from(highest)) {
+        if min == max {
+            let found = entry.range.as_ref().and_then(|range| range.get_ref().first().copied());
+            return Err(self.wrong_at(place, Problem::EmptyRange { found: found.unwrap_or(min) }));
+        }
+        if !(min >= lowest && max <= highest) {
             return Err(self.wrong_at(place, Problem::RangeBeyondServo { min, max, lowest, highest }));
         }
         Ok((min, max))

@@ -54,6 +54,7 @@ pub mod models;
 mod place;
 mod plan;
 mod puppet;
+mod recover;
 
 pub use channels::{Channels, MissingChannel, Owner, Unit};
 pub use error::{Error, Problem};

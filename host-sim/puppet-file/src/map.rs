@@ -3,6 +3,7 @@
 use crate::channels::Channels;
 use crate::error::{Error, Mistakes, Problem};
 use crate::file::{Curve, OnFault};
+use crate::place::FILLER;
 use crate::puppet::Puppet;
 use firmware::clock::MAX_TICK_HZ;
 use firmware::map::{BusKind, Interpolation, Joint, JointMap, MAX_SERVOS, Policy, Settings, bytes_len};
@@ -38,8 +39,8 @@ impl Puppet {
     pub fn check(&self, channels: impl Into<Channels>) -> Result<Map, Vec<Error>> {
         let channels = channels.into();
         let mut mistakes = Mistakes::default();
-        let buses = mistakes.note(self.buses());
-        let settings = mistakes.note(self.settings(&channels));
+        let buses = self.all_buses().map_err(|all| mistakes.add_all(all)).ok();
+        let settings = self.settings(&channels, &mut mistakes);
         self.check_chains(&mut mistakes);
         let mut joints: Vec<Joint> = Vec::new();
         for (index, entry) in self.file.joint.iter().enumerate() {
@@ -47,9 +48,11 @@ impl Puppet {
             if earlier.clone().any(|other| other.name.get_ref() == entry.name.get_ref()) {
                 mistakes.add(self.wrong(&entry.name, Problem::JointTwice));
             }
+            self.check_name(&entry.name, &mut mistakes);
             let bus = mistakes.note(self.bus_of(entry));
             let same = earlier.into_iter().find(|other| {
-                other.id.get_ref() == entry.id.get_ref() && self.bus_of(other).ok() == bus && bus.is_some()
+                let id = other.id.get_ref() == entry.id.get_ref() && other.id.span() != FILLER;
+                id && self.bus_of(other).ok() == bus && bus.is_some()
             });
             if let Some(other) = same {
                 let (joint, id) = (other.name.get_ref().clone(), *other.id.get_ref());
@@ -75,7 +78,7 @@ impl Puppet {
             mistakes.add(self.wrong_at_all(Problem::TooManyJoints));
         }
         let joints = joints.into_iter().take(MAX_SERVOS).collect();
-        if let (Some(buses), Some(settings), true) = (buses, settings, mistakes.is_empty()) {
+        if let (Some(buses), true) = (buses, mistakes.is_empty()) {
             let map = JointMap::new(settings, buses, joints).map_err(|error| self.wrong_at_all(error));
             if let Some(map) = mistakes.note(map) {
                 return Ok(map.with_names(channels.names_digest()));
@@ -92,22 +95,25 @@ impl Puppet {
         Ok(to_bytes(&self.map(channels)?))
     }
 
-    fn settings(&self, channels: &Channels) -> Result<Settings, Error> {
+    fn settings(&self, channels: &Channels, mistakes: &mut Mistakes) -> Settings {
         let file = &self.file;
+        let fallback = Settings::new(self.servo_hz());
         let servo_hz = *file.servo_hz.get_ref();
         if !(1..=MAX_TICK_HZ).contains(&servo_hz) {
             let (found, least, most) = (servo_hz.into(), 1.0, MAX_TICK_HZ.into());
-            return Err(self.wrong(&file.servo_hz, Problem::OutOfRange { found, least, most }));
+            mistakes.add(self.wrong(&file.servo_hz, Problem::OutOfRange { found, least, most }));
         }
-        let fallback = Settings::new(servo_hz);
-        let scaled = |value: &Option<Spanned<f64>>, scale: f64, most: f64, fallback: u16| match value {
-            None => Ok(fallback),
-            Some(value) => match *value.get_ref() {
-                found if (0.0..=most).contains(&found) => Ok((found * scale).round() as u16),
-                found => Err(self.wrong(value, Problem::OutOfRange { found, least: 0.0, most })),
-            },
-        };
-        Ok(Settings {
+        let mut scaled =
+            |value: &Option<Spanned<f64>>, scale: f64, [least, most]: [f64; 2], fallback: u16| {
+                let Some(value) = value else { return fallback };
+                let found = *value.get_ref();
+                if !(least..=most).contains(&found) {
+                    mistakes.add(self.wrong(value, Problem::OutOfRange { found, least, most }));
+                }
+                (found * scale).round() as u16
+            };
+        let seconds = [0.0, 60.0];
+        Settings {
             interpolation: match file.interpolation {
                 Some(Curve::Linear) => Interpolation::Linear,
                 Some(Curve::Cubic) => Interpolation::CatmullRom,
@@ -119,15 +125,21 @@ impl Puppet {
                 Some(OnFault::TorqueOff) => Policy::TorqueOff,
                 None => fallback.policy,
             },
-            ease_millis: scaled(&file.ease_seconds, 1000.0, 60.0, fallback.ease_millis)?,
-            ease_velocity: scaled(&file.ease_speed, 256.0, 1.0, fallback.ease_velocity)?,
-            fade_millis: scaled(&file.fade_seconds, 1000.0, 60.0, fallback.fade_millis)?,
+            ease_millis: scaled(&file.ease_seconds, 1000.0, seconds, fallback.ease_millis),
+            ease_velocity: scaled(&file.ease_speed, 256.0, [1.0 / 256.0, 1.0], fallback.ease_velocity),
+            fade_millis: scaled(&file.fade_seconds, 1000.0, seconds, fallback.fade_millis),
             temperature_limit: file.temperature_limit.unwrap_or(fallback.temperature_limit),
-            min_millivolts: scaled(&file.min_volts, 1000.0, 60.0, fallback.min_millivolts)?,
+            min_millivolts: scaled(&file.min_volts, 1000.0, [0.0, 60.0], fallback.min_millivolts),
             servo_watchdog_millis: file.servo_watchdog_ms.unwrap_or(fallback.servo_watchdog_millis),
             channels: u16::try_from(channels.len()).unwrap_or(0),
             ..fallback
-        })
+        }
+    }
+
+    /// Goals a second; a usual rate where the file's is none.
+    pub(crate) fn servo_hz(&self) -> u16 {
+        let found = *self.file.servo_hz.get_ref();
+        if (1..=MAX_TICK_HZ).contains(&found) { found } else { 50 }
     }
 }
 

@@ -3,6 +3,9 @@
 use core::fmt;
 use std::ops::Range;
 
+/// Where a value is said to be that the file lacks and that was made up, so that the rest could be read.
+pub(crate) const FILLER: Range<usize> = usize::MAX..usize::MAX;
+
 /// A line of a TOML file, and the key that it gives a value to.
 ///
 /// It is written as what follows the file's name in an error: `, line 12, key "id"`.

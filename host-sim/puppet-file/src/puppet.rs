@@ -1,11 +1,12 @@
 //! A puppet.toml that was read.
 
 use crate::channels::{Channels, Owner};
-use crate::error::{Error, Problem};
-use crate::file::{File, JointEntry};
+use crate::error::{Error, MOST_LETTERS, Mistakes, Problem};
+use crate::file::{BusEntry, File, JointEntry};
 use crate::models;
-use crate::place::Place;
-use firmware::map::{BusKind, BusSpec, Joint, MAX_BUSES};
+use crate::place::{FILLER, Place};
+use crate::recover;
+use firmware::map::{BusKind, BusSpec, Joint, MAX_BUSES, OSCILLATORS};
 use heapless::Vec as HeaplessVec;
 use std::fs;
 use std::ops::Range;
@@ -61,6 +62,23 @@ impl Puppet {
         }
     }
 
+    /// As [`read`](Self::read), with all that is wrong with the keys and not only the first of it; the puppet is then what there is of
+    /// it, to tell by [`check`](Self::check) what else is wrong.
+    pub fn read_all(path: &Path) -> (Option<Self>, Vec<Error>) {
+        let text = match fs::read(path).map(String::from_utf8) {
+            Ok(Ok(text)) => text,
+            // It says which.
+            _ => return (None, Self::read(path).err().into_iter().collect()),
+        };
+        let (file, errors) = recover::read(&text);
+        let mistake = |error: toml::de::Error| {
+            let place = error.span().map(|span| Place::of(&text, span));
+            Error::new(path, place, Problem::Toml(Box::new(error)))
+        };
+        let mistakes = errors.into_iter().map(mistake).collect();
+        (file.map(|file| Self { path: path.to_owned(), text, file }), mistakes)
+    }
+
     /// Text and path, as they were read.
     pub fn source(&self) -> (&Path, &str) {
         (&self.path, &self.text)
@@ -85,29 +103,70 @@ impl Puppet {
     /// # Errors
     /// A bus without a rate, or two with one name, or more than [`MAX_BUSES`].
     pub fn buses(&self) -> Result<HeaplessVec<BusSpec, MAX_BUSES>, Error> {
+        self.all_buses().map_err(|mut mistakes| mistakes.swap_remove(0))
+    }
+
+    /// As [`buses`](Self::buses), with all mistakes there are.
+    pub(crate) fn all_buses(&self) -> Result<HeaplessVec<BusSpec, MAX_BUSES>, Vec<Error>> {
         let file = &self.file;
+        let mut mistakes = Mistakes::default();
+        let mut buses = HeaplessVec::new();
         match (&file.baud, file.bus.as_slice()) {
             (Some(baud), []) => {
-                Ok([BusSpec { kind: BusKind::Dynamixel, baud: *baud.get_ref() }].into_iter().collect())
-            }
-            (None, []) => Err(self.wrong_at_all(Problem::NoBaud)),
-            (Some(baud), _) => Err(self.wrong(baud, Problem::BaudBesideBuses)),
-            (None, entries) => {
-                let mut buses = HeaplessVec::new();
-                for (index, entry) in entries.iter().enumerate() {
-                    if entries.iter().take(index).any(|other| other.name.get_ref() == entry.name.get_ref()) {
-                        return Err(self.wrong(&entry.name, Problem::BusTwice));
-                    }
-                    if *entry.baud.get_ref() == 0 {
-                        return Err(self.wrong(&entry.baud, Problem::BaudZero));
-                    }
-                    buses
-                        .push(BusSpec { kind: entry.kind, baud: *entry.baud.get_ref() })
-                        .map_err(|_| self.wrong(&entry.name, Problem::TooManyBuses))?;
+                if *baud.get_ref() == 0 {
+                    mistakes.add(self.wrong(baud, Problem::BaudZero));
                 }
-                Ok(buses)
+                buses.extend([BusSpec { kind: BusKind::Dynamixel, baud: *baud.get_ref() }]);
+            }
+            (None, []) => mistakes.add(self.wrong_at_all(Problem::NoBaud)),
+            (Some(baud), _) => mistakes.add(self.wrong(baud, Problem::BaudBesideBuses)),
+            (None, _) => {}
+        }
+        for (index, entry) in file.bus.iter().enumerate() {
+            if file.bus.iter().take(index).any(|other| other.name.get_ref() == entry.name.get_ref()) {
+                mistakes.add(self.wrong(&entry.name, Problem::BusTwice));
+            }
+            self.check_name(&entry.name, &mut mistakes);
+            if *entry.baud.get_ref() == 0 {
+                mistakes.add(self.wrong(&entry.baud, Problem::BaudZero));
+            }
+            let baud = mistakes.note(self.rate(entry)).unwrap_or(*entry.baud.get_ref());
+            if buses.push(BusSpec { kind: entry.kind, baud }).is_err() {
+                mistakes.add(self.wrong(&entry.name, Problem::TooManyBuses));
+                break;
             }
         }
+        if mistakes.is_empty() { Ok(buses) } else { Err(mistakes.into()) }
+    }
+
+    /// The rate of a bus as a map has it.
+    fn rate(&self, entry: &BusEntry) -> Result<u32, Error> {
+        let Some(oscillator) = &entry.oscillator_hz else { return Ok(*entry.baud.get_ref()) };
+        let found = *oscillator.get_ref();
+        let (least, most) = (OSCILLATORS.start().to_owned(), OSCILLATORS.end().to_owned());
+        match entry.kind {
+            BusKind::Pca9685 if OSCILLATORS.contains(&found) => {
+                Ok(BusSpec::pca9685(*entry.baud.get_ref(), found).baud)
+            }
+            BusKind::Pca9685 => {
+                let (found, least, most) = (found.into(), least.into(), most.into());
+                Err(self.wrong(oscillator, Problem::OutOfRange { found, least, most }))
+            }
+            _ => Err(self.wrong(oscillator, Problem::OscillatorElsewhere)),
+        }
+    }
+
+    /// Notes a name that cannot be told.
+    pub(crate) fn check_name(&self, name: &Spanned<String>, mistakes: &mut Mistakes) {
+        let text = name.get_ref();
+        let letters = text.chars().count();
+        let found = match text {
+            text if text.is_empty() => "none".to_owned(),
+            text if text.chars().any(char::is_control) => "a control character".to_owned(),
+            _ if letters > MOST_LETTERS => format!("{letters}"),
+            _ => return,
+        };
+        mistakes.add(self.wrong(name, Problem::Name { found }));
     }
 
     /// The servos without what they follow, in the order of the file.
@@ -146,6 +205,11 @@ impl Puppet {
         Ok(Channels::new(Owner::Puppet, columns.collect::<Result<Vec<_>, _>>()?))
     }
 
+    /// As [`channels`](Self::channels), of those joints whose channels are right.
+    pub fn right_channels(&self) -> Channels {
+        Channels::new(Owner::Puppet, self.file.joint.iter().filter_map(|entry| self.own_channel(entry).ok()))
+    }
+
     /// Whether the puppet plays clips that were made for it alone: a joint follows something else than a channel.
     pub fn needs_fit(&self) -> bool {
         self.file.joint.iter().any(|entry| entry.channel.is_none())
@@ -178,7 +242,8 @@ impl Puppet {
 
     /// A mistake at a byte range of the file.
     pub(crate) fn wrong_at(&self, span: Range<usize>, problem: impl Into<Problem>) -> Error {
-        Error::new(&self.path, Some(Place::of(&self.text, span)), problem)
+        let of_filler = span == FILLER;
+        Error::new(&self.path, Some(Place::of(&self.text, span)), problem).of_filler(of_filler)
     }
 
     /// A mistake of the whole file.

@@ -23,6 +23,11 @@ pub struct Row {
     least: Option<JointError>,
 }
 
+/// A value with one digit behind the point, without a sign where that makes it 0.
+pub fn tidy(value: f64) -> f64 {
+    if value.abs() < 0.05 { 0.0 } else { value }
+}
+
 /// The joints of a puppet in a clip.
 #[derive(Serialize)]
 #[serde(transparent)]
@@ -88,7 +93,7 @@ impl Table {
             "joint", "in the clip", "played", "RMS", "worst"
         );
         for Row { joint, unit, error, .. } in &self.rows {
-            let range = |[low, high]: [f64; 2]| format!("{low:7.1} to {high:6.1} {unit}");
+            let range = |[low, high]: [f64; 2]| format!("{:7.1} to {:6.1} {unit}", tidy(low), tidy(high));
             let recorded = if is_fitted { format!("{:>19}  ", range(error.asked)) } else { String::new() };
             println!(
                 "{joint:width$}  {recorded}{:>19}  {:>19}  {:>6.2} {unit}  {:>6.2} {unit} at {:.2} s",
@@ -102,7 +107,7 @@ impl Table {
         let count = self.rows.iter().filter(|row| row.error.stands_still()).count();
         println!("{} of {} joints move", self.rows.len() - count, self.rows.len());
         for Row { joint, unit, error, .. } in self.rows.iter().filter(|row| row.error.stands_still()) {
-            let (told, [low, high]) = (error.played[0], error.asked);
+            let (told, [low, high]) = (tidy(error.played[0]), error.asked.map(tidy));
             let source = if is_fitted { "fit asks for" } else { "the clip has" };
             println!(
                 "joint \"{joint}\" never moves: its servo is told {told:.1} {unit} all the time, and {source} {low:.1} to \

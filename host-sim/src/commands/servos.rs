@@ -1,8 +1,10 @@
 //! `bunraku servos`: virtual servos for any client.
 
 use anyhow::{Context, bail};
+use firmware::map::BusKind;
 use host_sim::files;
 use host_sim::puppet_servos::{self, ServedBus};
+use host_sim::settings;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -13,7 +15,7 @@ use std::thread;
 use std::time::Instant;
 use virtual_servos::config::ConfigError;
 use virtual_servos::serve;
-use virtual_servos::virtual_bus::Event;
+use virtual_servos::virtual_bus::{Disturbance, Event};
 
 /// Serve virtual servos, on one port for each bus of a puppet: a pseudo terminal or a TCP port.
 ///
@@ -22,17 +24,29 @@ use virtual_servos::virtual_bus::Event;
 /// Prints the port to connect to (NAME=PORT,NAME=PORT for several buses, as `--on` of other commands takes it) and answers until
 /// it is stopped with Ctrl-C.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  bunraku servos --config puppet.toml --listen pty\n  \
-    /dev/pts/3\n\nThen open /dev/pts/3 with any client, such as ROBOTIS' dynamixel-sdk, at any baud rate.")]
+#[command(after_help = "Examples:\n  bunraku servos --config puppet.toml --listen pty\n  \
+    bunraku servos --ids 1-6 --kind sts\n  \
+    bunraku servos --ids 1-2 --set 1:operating-mode=1 --set 2:firmware-version=40\n\n\
+    Then open the port that is printed, such as /dev/pts/3, with any client at any baud rate.")]
 pub struct Args {
-    /// The puppet: one servo for the id of each joint
-    #[arg(long, value_name = "PUPPET.TOML")]
-    config: PathBuf,
+    /// The puppet: one servo for the id of each joint, of the joint's model, at the joint's home
+    #[arg(long, value_name = "PUPPET.TOML", required_unless_present = "ids")]
+    config: Option<PathBuf>,
+    /// Servos with these ids without a puppet, for instance 1-6 or 1,2,7
+    #[arg(long, value_name = "IDS", value_parser = ids, conflicts_with = "config")]
+    ids: Option<Ids>,
+    /// What servos without a puppet speak: dynamixel, dynamixel1, sts or scs
+    #[arg(long, value_parser = super::puppet::kind_that_reads, default_value = "dynamixel", conflicts_with = "config")]
+    kind: BusKind,
+    /// What a servo is set to from the start, whatever it would take itself: its id, a register (by its name in the manual with "-"
+    /// for spaces, or by its address) and the value. So servos can be given wrong modes, limits, models and old firmware
+    #[arg(long, value_name = "ID:REGISTER=VALUE", value_parser = preset)]
+    set: Vec<Preset>,
     /// Where clients connect: `pty` or `tcp:HOST:PORT` (port 0 takes a free one, else several buses take the ports from it on)
     #[arg(long, value_name = "LINE", default_value = "pty")]
     listen: Listen,
     /// What happens to the servos, by seconds since they were started: `[[event]]` with `at` and `what`, for instance
-    /// at = 5.0, what = "turn", servo = 3, position = 1000 (or restart, silence, cut), and `bus` where there are several
+    /// at = 5.0, what = "turn", servo = 3, position = 1000 (or restart, silence, cut, set), and `bus` where there are several
     #[arg(long, value_name = "EVENTS.TOML")]
     events: Option<PathBuf>,
     /// Where it is written what the servos are told: time in seconds, bus, servo, goal position
@@ -41,6 +55,58 @@ pub struct Args {
     /// Print the port and the ids as JSON
     #[arg(long)]
     json: bool,
+}
+
+/// Ids of servos.
+#[derive(Clone)]
+pub struct Ids(Vec<u8>);
+
+/// Parses ids and ranges of them.
+fn ids(text: &str) -> Result<Ids, String> {
+    let mut ids = Vec::new();
+    for part in text.split(',') {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        match (first.trim().parse::<u8>(), last.trim().parse::<u8>()) {
+            (Ok(first), Ok(last)) if first <= last && last <= 252 => ids.extend(first..=last),
+            _ => {
+                return Err(format!("found \"{part}\", expected ids of 0 to 252, for instance 1-6 or 1,2,7"));
+            }
+        }
+    }
+    Ok(Ids(ids))
+}
+
+/// What a servo is set to from the start.
+#[derive(Clone, Debug)]
+pub struct Preset {
+    servo: u8,
+    register: String,
+    value: i64,
+}
+
+/// Parses what a servo is set to.
+fn preset(text: &str) -> Result<Preset, String> {
+    let parts = text.split_once(':').and_then(|(servo, rest)| Some((servo, rest.split_once('=')?)));
+    let parsed = parts.and_then(|(servo, (register, value))| {
+        let (servo, value) = (servo.trim().parse().ok()?, value.trim().parse().ok()?);
+        Some(Preset { servo, register: register.trim().to_owned(), value })
+    });
+    parsed.ok_or_else(|| "expected ID:REGISTER=VALUE, for instance 1:operating-mode=1 or 1:11=1".to_owned())
+}
+
+impl Preset {
+    /// As something that happens at the start to a servo on this kind of bus.
+    fn disturbance(&self, kind: BusKind) -> anyhow::Result<Disturbance> {
+        let address = settings::address_of(kind, &self.register).with_context(|| {
+            let names = settings::register_names(kind).collect::<Vec<_>>().join(", ");
+            format!(
+                "--set: a servo on \"{}\" has no register \"{}\", expected an address or one of {names}",
+                kind.name(),
+                self.register
+            )
+        })?;
+        Ok(Disturbance::Set { servo: self.servo, address, value: self.value })
+    }
 }
 
 /// What to do where there is no pseudo terminal.
@@ -122,8 +188,16 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let mut events = args.events.as_deref().map(puppet_servos::read_events).transpose()?.unwrap_or_default();
     let mut open = Vec::new();
     let power_on = Instant::now();
-    for bus in puppet_servos::read(&args.config)? {
-        let named = || format!("{} does not describe servos", args.config.display());
+    let mut presets = args.set.clone();
+    let source = args.config.as_ref().map_or_else(|| "--ids".to_owned(), |path| path.display().to_string());
+    let buses = match (&args.config, args.ids) {
+        (Some(config), _) => puppet_servos::read(config)?,
+        (None, ids) => {
+            vec![puppet_servos::without_puppet(args.kind, &ids.map(|ids| ids.0).unwrap_or_default())]
+        }
+    };
+    for bus in buses {
+        let named = || format!("{source} does not describe servos");
         let Some(mut servos) = bus.virtual_bus(serve::BYTE_GAP_US).with_context(named)? else {
             eprintln!(
                 "bunraku: the bus \"{}\" ({}) hangs on a board's pins: left out",
@@ -132,6 +206,13 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             );
             continue;
         };
+        for preset in std::mem::take(&mut presets) {
+            let disturbance = preset.disturbance(bus.kind);
+            match bus.servos.iter().any(|(servo, _)| servo.id == preset.servo) {
+                true => servos.schedule(0, disturbance?)?,
+                false => presets.push(preset),
+            }
+        }
         // An event without a bus is for the first one that has its servo, and a cut is for all.
         let mut left = Vec::new();
         for (at_us, name, disturbance) in events {
@@ -147,7 +228,10 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         open.push((Port::open(&args.listen, u16::try_from(open.len())?)?, bus, served));
     }
     if open.is_empty() {
-        bail!("{}: all servos hang on a board's pins, and none on a port", args.config.display());
+        bail!("{source}: all servos hang on a board's pins, and none on a port");
+    }
+    if let Some(preset) = presets.first() {
+        return Err(ConfigError::Absent(preset.servo)).context("--set");
     }
     if let Some(path) = &args.events {
         for (_, name, disturbance) in events {

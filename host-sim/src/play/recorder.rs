@@ -6,6 +6,7 @@ use firmware::map::{BusKind, Joint};
 use puppet_file::Map;
 use servo_wire::dynamixel::table::GOAL_POSITION;
 use servo_wire::dynamixel::{Framer, Instruction, Packet};
+use servo_wire::pca9685::OSCILLATOR_HZ;
 use virtual_servos::config::{ConfigError, ServoConfig};
 use virtual_servos::dynamixel_bus::{DynamixelConfig, DynamixelServos};
 use virtual_servos::hobby::Pins;
@@ -95,9 +96,10 @@ impl<'m> Recorder<'m> {
     /// is told something.
     pub(crate) fn end_tick(&mut self, pins: &Pins) {
         let Self { map, recording, on_pins, looked, on_line, .. } = self;
+        let oscillator_hz = map.oscillator_hz().unwrap_or(OSCILLATOR_HZ);
         let pulse_us = |kind: BusKind, id: u8| match kind {
             BusKind::Pwm => pins.pwm_us(id),
-            BusKind::Pca9685 => pins.pca9685_us(id),
+            BusKind::Pca9685 => pins.pca9685_us(id, oscillator_hz),
             _ => None,
         };
         let pulses = on_pins.iter().filter_map(|&(kind, bus, id)| Some((bus, id, pulse_us(kind, id)?)));

@@ -116,8 +116,8 @@ impl<S: Read + Write, T: DelayNs> SerialBus<S, T> {
     pub async fn is_there(&mut self, id: u8) -> bool {
         match self {
             Self::Dynamixel(bus) => bus.client().ping(id).await.is_ok(),
-            Self::Dynamixel1(bus) => bus.client().ping(id).await.is_ok(),
-            Self::Feetech(bus) => bus.client().ping(id).await.is_ok(),
+            Self::Dynamixel1(bus) => bus.client().ping(id).await.is_ok_and(is_answer),
+            Self::Feetech(bus) => bus.client().ping(id).await.is_ok_and(is_answer),
             Self::Blender(_) => false,
         }
     }
@@ -242,6 +242,12 @@ impl<S: Read + Write, T: DelayNs> SerialBus<S, T> {
         let [reading] = readings;
         reading.ok_or(BusError::NoReply)
     }
+}
+
+/// Whether a ping's error byte is one of a servo: on a line that hears itself the ping comes back, with the number of the
+/// instruction in its place.
+const fn is_answer(error: u8) -> bool {
+    error != protocol1::packet::Instruction::Ping as u8
 }
 
 /// As [`SerialBus::look`], without the indirect addresses that a player sets up.

@@ -9,6 +9,7 @@ use firmware::map::{BusKind, MAX_BUSES};
 use puppet_file::Map;
 use servo_wire::bus::ServoBus;
 use servo_wire::joined::JoinedBuses;
+use servo_wire::pca9685::OSCILLATOR_HZ;
 use servo_wire::port::LineConfig;
 use std::time::Duration;
 use virtual_servos::hobby::HobbyBoard;
@@ -28,7 +29,10 @@ pub fn open<'a>(
     let mut buses = heapless::Vec::<_, MAX_BUSES>::new();
     for (index, (spec, served)) in (0..).zip(map.buses().iter().zip(served)) {
         let bus = match spec.kind {
-            BusKind::Pca9685 => BoardBus::Pca9685(HobbyBoard::default().pca9685()?),
+            BusKind::Pca9685 => {
+                let oscillator_hz = map.oscillator_hz().unwrap_or(OSCILLATOR_HZ);
+                BoardBus::Pca9685(HobbyBoard::default().pca9685(oscillator_hz)?)
+            }
             BusKind::Pwm => BoardBus::Pwm(HobbyBoard::default().pwm(pwm_timing(spec.baud)?)),
             kind => {
                 let mut servos = virtual_servos(map, index, served)?;

@@ -41,7 +41,7 @@ pub fn bus_times(puppet: &Puppet, map: &Map, return_delay_us: f64) -> Vec<BusTim
         let [goal_bytes, question_bytes, answer_bytes, waits] = bytes(spec.kind, servos);
         let bytes = goal_bytes + question_bytes + answer_bytes;
         let micros = bytes as f64 * 1e7 / f64::from(spec.baud) + waits as f64 * return_delay_us;
-        let (kind, baud) = (spec.kind, spec.baud);
+        let (kind, baud) = (spec.kind, spec.rate());
         BusTime { name, kind, baud, servos, goal_bytes, question_bytes, answer_bytes, waits, micros }
     });
     times.collect()

@@ -202,6 +202,7 @@ impl Judge<'_> {
                         _ => "",
                     };
                     self.wrong_mode(Role::Mode, format!("{mode}{name}"), "3 (position)", Some(3));
+                    self.limits(low, high);
                 }
             },
             BusKind::Dynamixel1 if (low, high) == (0, 0) => {
@@ -224,6 +225,9 @@ impl Judge<'_> {
                         _ => "",
                     };
                     self.wrong_mode(Role::Mode, format!("{mode}{name}"), "0 (position)", Some(0));
+                    if (low, high) != (0, 0) {
+                        self.limits(low, high);
+                    }
                 }
             },
             BusKind::Scs if (low, high) == (0, 0) && whole => {

@@ -10,4 +10,4 @@ pub use fix::{Fixed, fix};
 pub use judge::{Expected, Judged, Mismatch, judge};
 pub use read::{Settings, read};
 pub use survey::{Found, check_before_arming, expected, survey};
-pub use table::{Register, Role, registers};
+pub use table::{Register, Role, address_of, register_names, registers};

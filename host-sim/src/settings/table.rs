@@ -181,6 +181,36 @@ pub const fn registers(kind: BusKind) -> &'static [Register] {
     }
 }
 
+/// What tells who a servo is: its model number and its firmware.
+const fn identity(kind: BusKind) -> [(&'static str, u16); 2] {
+    const MODEL: &str = "Model Number";
+    const FIRMWARE: &str = "Firmware Version";
+    match kind {
+        BusKind::Dynamixel => [(MODEL, 0), (FIRMWARE, 6)],
+        BusKind::Dynamixel1 => [(MODEL, 0), (FIRMWARE, 2)],
+        _ => [(MODEL, 3), (FIRMWARE, 0)],
+    }
+}
+
+/// The registers that have a name here, as words joined by "-" in small letters.
+pub fn register_names(kind: BusKind) -> impl Iterator<Item = String> {
+    named(kind).map(|(name, _)| name)
+}
+
+fn named(kind: BusKind) -> impl Iterator<Item = (String, u16)> {
+    let settings = registers(kind).iter().map(|register| (register.name, register.address));
+    let all = identity(kind).into_iter().chain(settings);
+    all.map(|(name, address)| (name.to_lowercase().replace(' ', "-"), address))
+}
+
+/// The address of a register by its name, or by the address itself.
+#[must_use]
+pub fn address_of(kind: BusKind, register: &str) -> Option<u16> {
+    let wanted = register.to_lowercase().replace([' ', '_'], "-");
+    let found = named(kind).find(|(name, _)| *name == wanted).map(|(_, address)| address);
+    found.or_else(|| wanted.parse().ok())
+}
+
 /// What is read of a servo at once: first address and bytes.
 pub(super) const fn blocks(kind: BusKind) -> &'static [(u16, u16)] {
     match kind {

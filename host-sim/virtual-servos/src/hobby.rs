@@ -6,7 +6,7 @@ use embedded_hal_async::i2c::{
     ErrorKind as I2cErrorKind, ErrorType as I2cErrorType, I2c, NoAcknowledgeSource, Operation,
 };
 use servo_wire::bus::BusError;
-use servo_wire::pca9685::{CHANNELS, DEFAULT_ADDRESS, OSCILLATOR_HZ, Pca9685Bus};
+use servo_wire::pca9685::{CHANNELS, DEFAULT_ADDRESS, Pca9685Bus};
 use servo_wire::pwm::{Calibration, Channel, PwmBus, PwmTiming};
 use std::cell::RefCell;
 use std::convert::Infallible;
@@ -61,8 +61,9 @@ impl Pins {
     }
 
     /// The pulse on a channel of the PCA9685 in microseconds, rounded; `None` where there is none, or no such channel.
+    /// The chip's oscillator has so many hertz.
     #[must_use]
-    pub fn pca9685_us(&self, channel: u8) -> Option<i32> {
+    pub fn pca9685_us(&self, channel: u8, oscillator_hz: u32) -> Option<i32> {
         let channel = usize::from(channel);
         if channel >= CHANNELS || self.registers[MODE1] & SLEEP != 0 {
             return None;
@@ -75,7 +76,8 @@ impl Pins {
         if off & FULL_OFF != 0 {
             return None;
         }
-        rounded_us(steps * step * 10 / (OSCILLATOR_HZ / 1_000_000))
+        let tenths = u64::from(steps * step) * 10_000_000 / u64::from(oscillator_hz.max(1));
+        rounded_us(u32::try_from(tenths).ok()?)
     }
 }
 
@@ -95,14 +97,14 @@ impl HobbyBoard {
         self.0.borrow().clone()
     }
 
-    /// The bus of the servos on the PCA9685.
+    /// The bus of the servos on the PCA9685, whose oscillator has so many hertz.
     ///
     /// # Errors
-    /// None that the chip's own oscillator has.
-    pub fn pca9685(&self) -> Result<Pca9685Bus<VirtualPca9685, ZeroDelay>, BusError> {
+    /// [`BusError::Unsupported`] where such an oscillator cannot give 50 pulses a second.
+    pub fn pca9685(&self, oscillator_hz: u32) -> Result<Pca9685Bus<VirtualPca9685, ZeroDelay>, BusError> {
         let calibrations = [Calibration::WIDE; CHANNELS];
         let chip = VirtualPca9685(self.0.clone());
-        Pca9685Bus::at(chip, DEFAULT_ADDRESS, ZeroDelay, OSCILLATOR_HZ, calibrations)
+        Pca9685Bus::at(chip, DEFAULT_ADDRESS, ZeroDelay, oscillator_hz, calibrations)
     }
 
     /// The bus of the servos on the PWM pins, with the pulses of this timing.
@@ -184,26 +186,35 @@ mod tests {
     use super::*;
     use embassy_futures::block_on;
     use servo_wire::bus::{Goal, ServoBus};
+    use servo_wire::pca9685::OSCILLATOR_HZ;
 
     #[test]
     fn pulses_are_those_of_the_goals() {
         let board = HobbyBoard::default();
-        let (mut pca, mut pwm) = (board.pca9685().unwrap(), board.pwm(PwmTiming::of(50).unwrap()));
+        let (mut pca, mut pwm) =
+            (board.pca9685(OSCILLATOR_HZ).unwrap(), board.pwm(PwmTiming::of(50).unwrap()));
         let goals = [Goal { id: 7, position: 1501 }, Goal { id: 2, position: 500 }];
         for index in 0..2 {
             block_on(pca.set_torque(&[7, 2], index, true)).unwrap();
             block_on(pwm.set_torque(&[7, 2], index, true)).unwrap();
         }
-        assert_eq!(board.pins().pca9685_us(7), None);
+        assert_eq!(board.pins().pca9685_us(7, OSCILLATOR_HZ), None);
         block_on(pca.write_goals(&goals)).unwrap();
         block_on(pwm.write_goals(&goals)).unwrap();
         let pins = board.pins();
         assert_eq!([7, 2, 3, 8].map(|pin| pins.pwm_us(pin)), [Some(1501), Some(500), None, None]);
         // A step is 4.88 µs: 308 and 102 of them are nearest.
         assert_eq!(
-            [7, 2, 3, 16].map(|channel| pins.pca9685_us(channel)),
+            [7, 2, 3, 16].map(|channel| pins.pca9685_us(channel, OSCILLATOR_HZ)),
             [Some(1503), Some(498), None, None]
         );
+        // The same counts of a faster clock are shorter, unless its driver knows that.
+        assert_eq!(pins.pca9685_us(7, 27_000_000), Some(1392));
+        let fast = HobbyBoard::default();
+        let mut pca = fast.pca9685(27_000_000).unwrap();
+        block_on(pca.set_torque(&[7], 0, true)).unwrap();
+        block_on(pca.write_goals(&goals[..1])).unwrap();
+        assert_eq!(fast.pins().pca9685_us(7, 27_000_000), Some(1501));
         let mut bytes = pins.registers.to_vec();
         bytes.extend(pins.tenths.iter().flat_map(|tenths| tenths.to_le_bytes()));
         assert_eq!(Pins::parse(&bytes), Some(pins));

@@ -1,6 +1,6 @@
 //! Virtual servos with the frame of protocol 1.0: Dynamixel AX and MX, Feetech STS and SCS.
 //!
-//! They move as fast as they can and never fail by themselves. A goal without torque is kept until torque comes on,
+//! They move as fast as they can, unless their mode or a torque limit of 0 lets them not move, and never fail by themselves. A goal without torque is kept until torque comes on,
 //! so that a player which turns a servo on without telling it where it is sees it jump.
 
 use crate::config::{ConfigError, ServoConfig, check};

@@ -58,9 +58,10 @@ impl<I: I2c, P: SetDutyCycle, const N: usize> Hobby<I, P, N> {
     pub(crate) fn with<S: ServoBus>(self, map: &JointMap<MAX_SERVOS>, serial: S) -> MixedBus<S, I, P, N> {
         let Self { i2c, pwm } = self;
         let calibrations = [Calibration::WIDE; CHANNELS];
-        // The address and the oscillator are those that the chip comes with.
+        // The address is that which the chip comes with, and so is the oscillator unless the puppet says another one.
+        let oscillator = map.oscillator_hz().unwrap_or(OSCILLATOR_HZ);
         let pca9685 =
-            i2c.and_then(|i2c| Pca9685Bus::at(i2c, DEFAULT_ADDRESS, Delay, OSCILLATOR_HZ, calibrations).ok());
+            i2c.and_then(|i2c| Pca9685Bus::at(i2c, DEFAULT_ADDRESS, Delay, oscillator, calibrations).ok());
         let pwm = pwm.map(|(pins, timing)| {
             PwmBus::new(pins.map(|pin| Channel::new(pin, Calibration::WIDE)), timing.period_us)
         });

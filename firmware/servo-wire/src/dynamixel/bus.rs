@@ -236,16 +236,23 @@ impl<U: Read + Write, D: OutputPin, T: DelayNs, const N: usize> ServoReader for 
     ) -> Result<(), BusError> {
         let mut result = Err(BusError::TooMany);
         for data in [INDIRECT_DATA, INDIRECT_DATA_X330] {
-            let mut group = Vec::<u8, MAX_SERVOS>::new();
-            let own = |place: &&u8| self.data(usize::from(**place)) == data;
-            // There is room for as many; `collect` panics where there are more.
-            places.iter().filter(own).take(MAX_SERVOS).for_each(|&place| {
-                let _ = group.push(place);
-            });
+            let mut own = Vec::<u8, MAX_SERVOS>::new();
+            let group = match self.x330 {
+                0 if data == INDIRECT_DATA => places,
+                0 => break,
+                _ => {
+                    let is_own = |place: &&u8| self.data(usize::from(**place)) == data;
+                    // There is room for as many; `collect` panics where there are more.
+                    places.iter().filter(is_own).take(MAX_SERVOS).for_each(|&place| {
+                        let _ = own.push(place);
+                    });
+                    &own
+                }
+            };
             if group.is_empty() {
                 continue;
             }
-            result = match (self.read_group(data, ids, &group, readings).await, result) {
+            result = match (self.read_group(data, ids, group, readings).await, result) {
                 (Ok(()), _) | (_, Ok(())) => Ok(()),
                 (Err(error), _) => Err(error),
             };

@@ -1,7 +1,7 @@
 //! `bunraku puppet check`.
 
 use super::on_port::OnPort;
-use crate::commands::joints::Table;
+use crate::commands::joints::{Table, tidy};
 use anyhow::{Context, Result};
 use firmware::limits::FINE_BITS;
 use firmware::map::Joint;
@@ -85,26 +85,31 @@ struct JointReport<'a> {
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
-    let puppet = Puppet::read(&args.puppet)?;
+    let (puppet, mut mistakes) = Puppet::read_all(&args.puppet);
+    let Some(puppet) = puppet else { return Ok(tell(&mistakes, &[], args.json)) };
     let bytes = args.clip.as_deref().map(files::read).transpose()?;
     let clip = match (&args.clip, &bytes) {
         (Some(path), Some(bytes)) => Some((path, Clip::headers(path, bytes)?)),
         _ => None,
     };
     let channels = match &clip {
-        Some((path, clip)) => channels::of_played(path, clip, &puppet, args.skeleton)?,
-        None => channels::of_clips(&puppet, args.skeleton)?,
+        Some((path, clip)) => channels::of_played(path, clip, &puppet, args.skeleton),
+        None => channels::of_clips(&puppet, args.skeleton),
+    };
+    // Without its skeleton or with another clip a puppet may have mistakes of its own.
+    let (channels, elsewhere) = match channels {
+        Ok(channels) => (channels, None),
+        Err(error) => (puppet.right_channels(), Some(error)),
     };
     let map = match puppet.check(channels.clone()) {
-        Ok(map) => map,
-        Err(mistakes) => {
-            let sentences: Vec<String> = mistakes.iter().map(|mistake| format!("{mistake:#}")).collect();
-            if args.json {
-                println!("{:#}", serde_json::json!({ "mistakes": sentences }));
-            } else {
-                sentences.iter().for_each(|mistake| eprintln!("bunraku: {mistake}"));
-            }
-            return Ok(ExitCode::FAILURE);
+        Ok(map) if mistakes.is_empty() && elsewhere.is_none() => map,
+        checked => {
+            mistakes.extend(checked.err().into_iter().flatten());
+            return Ok(tell(
+                &mistakes,
+                &elsewhere.map(|error| format!("{error:#}")).into_iter().collect::<Vec<_>>(),
+                args.json,
+            ));
         }
     };
     let demands = match &clip {
@@ -134,6 +139,22 @@ pub fn run(args: Args) -> Result<ExitCode> {
     Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
+/// Says what is wrong: of the puppet line by line, and then what else.
+fn tell(mistakes: &[puppet_file::Error], elsewhere: &[String], json: bool) -> ExitCode {
+    let mut sorted: Vec<&puppet_file::Error> = mistakes.iter().collect();
+    sorted.sort_by_key(|mistake| mistake.place().map_or(usize::MAX, |place| place.line));
+    let mut sentences: Vec<String> = sorted.iter().map(|mistake| format!("{mistake:#}")).collect();
+    sentences.extend_from_slice(elsewhere);
+    let mut said = std::collections::BTreeSet::new();
+    sentences.retain(|sentence| said.insert(sentence.clone()));
+    if json {
+        println!("{:#}", serde_json::json!({ "mistakes": sentences }));
+    } else {
+        sentences.iter().for_each(|mistake| eprintln!("bunraku: {mistake}"));
+    }
+    ExitCode::FAILURE
+}
+
 fn report<'a>(
     puppet: &'a Puppet,
     map: &Map,
@@ -159,7 +180,7 @@ fn report<'a>(
             goal_range: [joint.min, joint.max],
             zero: joint.zero,
             home: joint.home,
-            range: [one.min(other), one.max(other)],
+            range: [one.min(other), one.max(other)].map(tidy),
             max_speed: per_second(joint.max_velocity),
             max_acceleration: per_second(joint.max_acceleration) * hz,
             demand: demands.as_ref().and_then(|demands| demands.get(index).cloned()),

@@ -1,10 +1,12 @@
 //! `bunraku puppet jog`.
 
-use anyhow::{Context, Result, anyhow, ensure};
+use crate::commands::joints::tidy;
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use decoder_core::I16F16;
 use firmware::limits::Limiter;
-use firmware::map::Joint;
+use firmware::map::{BusKind, Joint};
 use host_sim::ports::{self, SerialBus};
+use host_sim::settings::{self, Expected, Judged};
 use puppet_file::{Map, Puppet};
 use servo_wire::bus::{BusError, Goal, Reading, ServoBus};
 use std::io::{BufRead, Write};
@@ -52,13 +54,14 @@ const TRIES: usize = 5;
 /// A joint that can be moved.
 struct Jogged<'p> {
     name: &'p str,
+    model: Option<u16>,
     joint: &'p Joint,
 }
 
 impl Jogged<'_> {
     /// A goal in degrees of the channel.
     fn degrees(&self, goal: i32) -> f64 {
-        f64::from(goal - self.joint.zero) / self.joint.scale.to_num::<f64>()
+        tidy(f64::from(goal - self.joint.zero) / self.joint.scale.to_num::<f64>())
     }
 
     /// Its range in degrees of the channel.
@@ -71,8 +74,13 @@ impl Jogged<'_> {
 pub fn run(args: Args) -> Result<ExitCode> {
     let puppet = Puppet::read(&args.puppet)?;
     let map = puppet.map(puppet.channels()?)?;
-    let joints: Vec<Jogged<'_>> =
-        map.joints().iter().map(|joint| Jogged { name: puppet.name_of(joint), joint }).collect();
+    let servos = puppet.servos()?;
+    let jogged = |joint| {
+        let name = puppet.name_of(joint);
+        let model = servos.iter().find(|servo| servo.name == name).and_then(|servo| servo.model);
+        Jogged { name, model, joint }
+    };
+    let joints: Vec<Jogged<'_>> = map.joints().iter().map(jogged).collect();
     let mut buses = Buses { on: &args.on, names: puppet.bus_names(), map: &map, open: Vec::new() };
     let mut moved = Vec::new();
     if let (Some(name), Some(degrees)) = (&args.joint, args.degrees) {
@@ -171,9 +179,11 @@ fn jog(
     let wanted = joint.goal(I16F16::saturating_from_num(degrees)).max(limits.min()).min(limits.max());
     let tick = Duration::from_secs(1) / u32::from(buses.map.tick_hz());
     let (bus, ids) = (usize::from(joint.bus), [joint.id]);
+    let kind = &buses.map.buses().get(bus).context("the puppet has no such bus")?.kind;
     let line = buses.get(bus)?;
     let failed = |error: BusError| anyhow!("servo {} (\"{}\"): {error}", joint.id, jogged.name);
     ports::block_on(line.ping(&ids, 0)).map_err(failed)?;
+    refuse_wrong_settings(line, jogged, *kind)?;
     let start = match read(line, joint) {
         Ok(reading) => {
             ensure!(
@@ -215,6 +225,25 @@ fn jog(
             Err(error) => return Err(failed(error)),
         }
     }
+}
+
+/// Whether the servo goes where it is told.
+///
+/// # Errors
+/// A sentence for each setting that makes it go elsewhere.
+fn refuse_wrong_settings(line: &mut SerialBus, jogged: &Jogged<'_>, kind: BusKind) -> Result<()> {
+    if !kind.reads() {
+        return Ok(());
+    }
+    let (id, joint) = (jogged.joint.id, Some(*jogged.joint));
+    let expected =
+        Expected { id, joint, name: jogged.name.to_owned(), model: jogged.model, ..Expected::default() };
+    let found = ports::block_on(settings::survey(line, kind, &expected));
+    let refused: Vec<String> = found.iter().flat_map(|found| found.sentences(Judged::Refused)).collect();
+    if refused.is_empty() {
+        return Ok(());
+    }
+    bail!("{}; `bunraku puppet check --fix` sets it right", refused.join("; "))
 }
 
 /// Reads a servo; an answer may be lost.

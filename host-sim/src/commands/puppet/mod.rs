@@ -9,6 +9,8 @@ mod on_port;
 mod scan;
 mod set_id;
 
+pub use scan::kind as kind_that_reads;
+
 use anyhow::Result;
 use std::process::ExitCode;
 

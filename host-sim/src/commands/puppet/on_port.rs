@@ -30,6 +30,9 @@ struct Servo {
     sentences: Vec<(Judged, String)>,
 }
 
+/// How often a servo is set right and looked at again.
+const FIXES: usize = 3;
+
 /// A register and its value.
 #[derive(Serialize)]
 pub struct Setting {
@@ -68,12 +71,25 @@ impl OnPort {
             for expected in &expected {
                 let looked = settings::survey(&mut bus, spec.kind, expected);
                 let mut found = ports::block_on(looked).map_err(failed)?;
-                if fix && found.answers {
-                    let done = settings::fix(&mut bus, spec.kind, &found, let_go);
-                    fixed.extend(ports::block_on(done).map_err(failed)?);
+                // What could not be read, or does not count in another mode, is found once the first is set right.
+                let mut done: Vec<Fixed> = Vec::new();
+                for _ in 0..FIXES {
+                    let fixable = found.mismatches.iter().any(|mismatch| mismatch.fix.is_some());
+                    if !fix || !fixable {
+                        break;
+                    }
+                    let now = ports::block_on(settings::fix(&mut bus, spec.kind, &found, let_go));
+                    let now = now.map_err(failed)?;
+                    let stuck = now.iter().all(|fixed| !fixed.done);
+                    done.retain(|fixed| fixed.done);
+                    done.extend(now);
                     let again = settings::survey(&mut bus, spec.kind, expected);
                     found = ports::block_on(again).map_err(failed)?;
+                    if stuck {
+                        break;
+                    }
                 }
+                fixed.extend(done);
                 servos.push(Servo::of(found));
             }
         }
