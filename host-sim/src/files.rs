@@ -26,6 +26,18 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
 /// # Errors
 /// A sentence that names the file.
 pub fn write(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+    write_over(path, false, write)
+}
+
+/// As [`write`], but over a file of `any_kind` where that was asked for.
+///
+/// # Errors
+/// A sentence that names the file.
+pub fn write_over(
+    path: &Path,
+    any_kind: bool,
+    write: impl FnOnce(&mut dyn Write) -> Result<()>,
+) -> Result<()> {
     let failed = || format!("cannot write {}", path.display());
     if is_stream(path) {
         let mut buffer = BufWriter::new(OpenOptions::new().append(true).open(path).with_context(failed)?);
@@ -53,6 +65,9 @@ pub fn write(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> R
         let mut buffer = BufWriter::new(file.as_file());
         write(&mut buffer)?;
         buffer.flush().with_context(failed)?;
+        if any_kind {
+            return Ok(());
+        }
         same_kind(path, &start_of(&temporary)?).with_context(failed)
     };
     let written = written();

@@ -95,7 +95,7 @@ fn a_puppets_clip_moves_it_as_the_whole_one_does_and_needs_no_skeleton() {
     let mut decode = bunraku();
     decode.arg("decode").arg(&fitted).arg("--skeleton").arg(files.path("sample.asf"));
     let said = refused(decode.arg("-o").arg(files.path("back.csv")));
-    assert!(said.contains("the skeleton has no joint \"waist turn\""), "{said}");
+    assert!(said.contains("channels of a puppet (waist turn.rx is the first)"), "{said}");
 }
 
 /// A recording that asks for more than the joint can do: what is cut is told, in the table and as JSON.

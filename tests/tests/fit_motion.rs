@@ -17,7 +17,7 @@ fn puppet(name: &str) -> Puppet {
 }
 
 fn fitted(puppet: &Puppet, clip: &Clip) -> Fitted {
-    fit(&puppet.plan(&clip.skeleton).unwrap(), clip, false)
+    fit(&puppet.plan(clip).unwrap(), clip, false)
 }
 
 /// The largest difference between two fitted clips.

@@ -210,7 +210,8 @@ fn run(folder: &Path, target: &Target, bytes: &[u8], counts: &mut Counts) {
             }
             _ => Some(format!("exit code {:?}, signal {:?}", status.code(), status.signal())),
         };
-        let is_new = |name: &String| name.starts_with("out.") && status.success();
+        // The log of a player is written also where playing fails.
+        let is_new = |name: &String| name.starts_with("out.") && (status.success() || arguments[0] == "play");
         let left: Vec<String> =
             names(folder).difference(&before).filter(|name| !is_new(name)).cloned().collect();
         let wrong = wrong.or_else(|| (!left.is_empty()).then(|| format!("it left {left:?}")));

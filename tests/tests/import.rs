@@ -155,6 +155,47 @@ fn tables_and_moves_go_in_and_out() {
     assert!((high - 0.5_f64.to_degrees()).abs() < 0.5, "{high}");
 }
 
+/// Goals in, and out again: what the servos are told is what was in the table.
+#[test]
+fn a_table_of_goals_goes_to_a_puppet_and_back() {
+    let puppet = "servo_hz = 50\nbaud = 1\n\
+        [[joint]]\nname = 'nod'\nturn = { bone = 'head', against = 'chest', axis = 'x' }\nid = 1\nzero = 1900\ndirection = -1\n\
+        range = [-60, 60]\nmax_speed = 300\n\
+        [[joint]]\nname = 'jaw'\nchannel = 'mouth.rx'\noffset = 5\nid = 2\nrange = [-10, 40]\nmax_speed = 300\n";
+    let mut table = "time,jaw.goal,nod.goal,tail\n".to_string();
+    let mut bare = "time,jaw,nod\n".to_string();
+    let goals = |frame: i32| {
+        let angle = (TAU * f64::from(frame) / 50.0).cos();
+        [(2200.0 - 100.0 * angle).round(), (1900.0 + 300.0 * angle).round()]
+    };
+    for frame in 0..100 {
+        let [jaw, nod] = goals(frame);
+        writeln!(table, "{},{jaw},{nod},1", f64::from(frame) / 50.0).unwrap();
+        writeln!(bare, "{},{jaw},{nod}", f64::from(frame) / 50.0).unwrap();
+    }
+    let folder = folder(&[("goals.csv", &table), ("bare.csv", &bare), ("p.toml", puppet)]);
+    let at = folder.path();
+    for (name, options) in [("goals.csv", &[][..]), ("bare.csv", &["--values", "goals"])] {
+        let encode = ["encode", name, "--puppet", "p.toml", "--target-degrees", "0.02", "-o", "a.mclip"];
+        let (_, told) = done(at, &[&encode, options].concat());
+        assert!(told.contains("columns taken as goals of servos"), "{told}");
+        assert_eq!(
+            told.contains("left out, since no joint follows them: tail.rx"),
+            name == "goals.csv",
+            "{told}"
+        );
+        done(at, &["decode", "a.mclip", "--puppet", "p.toml", "-o", "back.csv"]);
+        let back = fs::read_to_string(at.join("back.csv")).unwrap();
+        let mut lines = back.lines();
+        assert_eq!(lines.next(), Some("time,nod.goal,jaw.goal"));
+        for (line, frame) in lines.zip(0..) {
+            let values: Vec<f64> = line.split(',').map(|field| field.parse().unwrap()).collect();
+            let [jaw, nod] = goals(frame);
+            assert!((values[1] - nod).abs() <= 1.0 && (values[2] - jaw).abs() <= 1.0, "{name}: {line}");
+        }
+    }
+}
+
 #[test]
 fn a_clip_comes_out_in_every_format_and_goes_in_again() {
     let folder = folder(&[("bow.bvh", &bow(1.0, "0.0333333"))]);

@@ -60,13 +60,11 @@ impl VirtualBus for InTurn {
     }
 }
 
-fn servo(id: u8, position: i32) -> ServoConfig {
-    ServoConfig { position, max_position: 1023, ..ServoConfig::new(id) }
-}
-
 /// Servos with these ids and positions.
 fn bus(kind: &str, servos: &[(u8, i32)]) -> Box<dyn VirtualBus> {
-    let servos: Vec<ServoConfig> = servos.iter().map(|&(id, position)| servo(id, position)).collect();
+    let max_position = if matches!(kind, "dynamixel" | "sts") { 4095 } else { 1023 };
+    let servo = |&(id, position): &(u8, i32)| ServoConfig { position, max_position, ..ServoConfig::new(id) };
+    let servos: Vec<ServoConfig> = servos.iter().map(servo).collect();
     let family = match kind {
         "dynamixel" => {
             let config = DynamixelConfig { servos, byte_gap_us: BYTE_GAP_US };

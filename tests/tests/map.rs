@@ -40,7 +40,7 @@ fn numbers(heading: &str) -> Vec<(u8, String)> {
 
 /// The map of a puppet with these lines.
 fn map(lines: &str) -> Map {
-    let joint = "[[joint]]\nname = 'a'\nchannel = 'a.rx'\nid = 1\nrange = [0, 0]\nmax_speed = 100\n";
+    let joint = "[[joint]]\nname = 'a'\nchannel = 'a.rx'\nid = 1\nrange = [0, 1]\nmax_speed = 100\n";
     let puppet = Puppet::parse(Path::new("puppet.toml"), format!("servo_hz = 50\n{lines}\n{joint}")).unwrap();
     puppet.map(puppet.channels().unwrap()).unwrap()
 }

@@ -218,16 +218,6 @@ fn outputs_do_not_take_the_place_of_other_files() {
         ("song.qmd", &["encode", "walk.bvh", "-o", "song.qmd"], "would be lost for a .qmd"),
         ("song.mp3", &["encode", "walk.bvh", "-o", "song.mp3"], "expected .mclip or .qmd"),
         (
-            "song.mp3",
-            &["puppet", "new", "walk.bvh", "--force", "-o", "song.mp3"],
-            "would be lost for a file of keys",
-        ),
-        (
-            "walk.bvh",
-            &["puppet", "new", "walk.amc", "--skeleton", "puppet.asf", "--force", "-o", "walk.bvh"],
-            "is a BVH",
-        ),
-        (
             "puppet.asf",
             &["puppet", "new", "walk.amc", "--skeleton", "./puppet.asf", "--force", "-o", "puppet.asf"],
             "twice",

@@ -19,10 +19,15 @@ const fn twist_weight(joints: usize) -> f64 {
 }
 
 /// Solutions that are kept of a frame.
-const MOST_SOLUTIONS: usize = 6;
+const MOST_SOLUTIONS: usize = 8;
 
 /// Solutions nearer to each other than this, in radians, are one.
 const SAME: f64 = 0.01;
+
+/// A bone of two joints that is nearer to the first one's axis than this, in degrees, can be led past it: there the first
+/// joint may also be at each of these places, in radians from one to the next, with the second one where it is best.
+const NEAR_POLE: f64 = 30.0;
+const LEAD: f64 = 0.1;
 
 /// Most steps of a solution, and of the whole clip's.
 const MOST_STEPS: usize = 40;
@@ -62,65 +67,94 @@ impl Chain {
         2.0 * (chord / 2.0).min(1.0).asin().to_degrees()
     }
 
-    /// For each frame what the joints may be, in degrees.
-    pub fn candidates(&self, wanted: &[Matrix]) -> Vec<Vec<Candidate>> {
-        let seeds = self.seeds();
-        let mut solutions: Vec<(Values, f64)> = Vec::new();
-        let mut frames = Vec::with_capacity(wanted.len());
-        for wanted in wanted {
-            let starts: Vec<Values> =
-                solutions.iter().map(|(angles, _)| *angles).chain(seeds.clone()).collect();
-            let mut found: Vec<(Values, f64)> =
-                starts.iter().map(|start| self.solve(wanted, start)).collect();
-            // Those that go on from the frame before come first, and stay where several are as good.
-            solutions.clear();
-            let cheapest = found.iter().map(|(_, cost)| *cost).fold(f64::INFINITY, f64::min);
-            found.retain(|(_, cost)| cost - cheapest < 1.0);
-            for (angles, cost) in found {
-                let is_same = |(other, _): &(Values, f64)| {
-                    (0..MOST_JOINTS).all(|k| (other[k] - angles[k]).abs() < SAME)
-                };
-                if !solutions.iter().any(is_same) {
-                    solutions.push((angles, cost));
-                }
-            }
-            solutions.sort_by(|(_, one), (_, other)| one.total_cmp(other));
-            solutions.truncate(MOST_SOLUTIONS);
-            let candidate = |(angles, cost): &(Values, f64)| Candidate {
-                values: angles.map(f64::to_degrees),
-                cost: 2.0 * cost * 1_f64.to_degrees().powi(2),
-            };
-            frames.push(solutions.iter().map(candidate).collect());
-        }
-        frames
+    /// The angle in degrees between where the bone should point and the axis of the first joint, whichever way that points.
+    pub fn from_first_axis(&self, wanted: &Matrix) -> f64 {
+        dot(apply(wanted, self.direction), self.axes[0]).abs().min(1.0).acos().to_degrees()
     }
 
-    /// Places all over the ranges: a quarter and three quarters of the way through each.
+    /// For each frame what the joints may be, in degrees.
+    ///
+    /// A frame's solutions are looked for from places all over the ranges, from those of the frame before, and from those
+    /// of the frame behind: a way that is only found later in the clip is followed back to where it begins.
+    pub fn candidates(&self, wanted: &[Matrix]) -> Vec<Vec<Candidate>> {
+        let seeds = self.seeds();
+        let mut frames: Vec<Vec<(Values, f64)>> = Vec::with_capacity(wanted.len());
+        for wanted in wanted {
+            let before = frames.last().into_iter().flatten().map(|(angles, _)| *angles);
+            let starts: Vec<Values> = before.chain(seeds.iter().copied()).collect();
+            let found = starts.iter().map(|start| self.solve(wanted, start, false));
+            let found = best_of(found.collect());
+            frames.push(found);
+        }
+        for frame in (1..frames.len()).rev() {
+            let (earlier, later) = frames.split_at_mut(frame);
+            let (own, behind) = (&mut earlier[frame - 1], &later[0]);
+            let found = behind.iter().map(|(angles, _)| self.solve(&wanted[frame - 1], angles, false));
+            let all = own.iter().copied().chain(found).collect();
+            *own = best_of(all);
+        }
+        for (solutions, wanted) in frames.iter_mut().zip(wanted) {
+            if self.axes.len() == 2 && self.from_first_axis(wanted) < NEAR_POLE {
+                solutions.extend(self.led(wanted, solutions));
+            }
+        }
+        let candidate = |(angles, cost): &(Values, f64)| Candidate {
+            values: angles.map(f64::to_degrees),
+            cost: 2.0 * cost * 1_f64.to_degrees().powi(2),
+        };
+        frames.iter().map(|solutions| solutions.iter().map(candidate).collect()).collect()
+    }
+
+    /// The ways to be near a rotation with the first of two joints anywhere in its range.
+    fn led(&self, wanted: &Matrix, solutions: &[(Values, f64)]) -> Vec<(Values, f64)> {
+        let [min, max] = self.ranges[0];
+        let places = (((max - min) / LEAD).ceil() as usize).max(1);
+        let at = |place: usize| min + (max - min) * place as f64 / places as f64;
+        let lead = |place: usize| {
+            // The second joint begins where it is in the solution that is nearest.
+            let first = at(place);
+            let far = |angles: &Values| (angles[0] - first).abs();
+            let nearest = solutions.iter().min_by(|(one, _), (other, _)| far(one).total_cmp(&far(other)));
+            let mut start = nearest.map_or([0.0; MOST_JOINTS], |(angles, _)| *angles);
+            start[0] = first;
+            self.solve(wanted, &start, true)
+        };
+        (0..=places).map(lead).collect()
+    }
+
+    /// Places all over the ranges: in the middle of each third, or half where there are three joints.
     fn seeds(&self) -> Vec<Values> {
         let mut seeds = vec![[0.0; MOST_JOINTS]];
         for (joint, [min, max]) in self.ranges.iter().enumerate() {
-            let places = [0.25, 0.75].map(|part| min + part * (max - min));
+            let parts: &[f64] =
+                if self.axes.len() < MOST_JOINTS { &[1.0 / 6.0, 0.5, 5.0 / 6.0] } else { &[0.25, 0.75] };
+            let places: Vec<f64> = parts.iter().map(|part| min + part * (max - min)).collect();
             seeds = seeds
                 .into_iter()
                 .flat_map(|seed| {
-                    places.map(|place| {
-                        let mut seed = seed;
-                        seed[joint] = place;
-                        seed
-                    })
+                    places
+                        .iter()
+                        .map(move |place| {
+                            let mut seed = seed;
+                            seed[joint] = *place;
+                            seed
+                        })
+                        .collect::<Vec<_>>()
                 })
                 .collect();
         }
         seeds
     }
 
-    /// The angles near a start at which the chain is nearest to a rotation, and the cost that is left.
-    fn solve(&self, wanted: &Matrix, start: &Values) -> (Values, f64) {
+    /// The angles near a start at which the chain is nearest to a rotation, and the cost that is left. The first joint may
+    /// be held where it is.
+    fn solve(&self, wanted: &Matrix, start: &Values, hold_first: bool) -> (Values, f64) {
         let mut angles = self.within(start);
         let mut slope = self.slope(&angles, wanted);
         let mut damping = 1e-4;
         for _ in 0..MOST_STEPS {
-            let free = self.free(&angles, &slope.gradient);
+            let mut free = self.free(&angles, &slope.gradient);
+            free[0] &= !hold_first;
             let mut curvature = slope.curvature;
             (0..MOST_JOINTS).for_each(|k| curvature[k][k] += damping * (slope.curvature[k][k] + 1e-6));
             hold(&mut curvature, &free);
@@ -145,18 +179,27 @@ impl Chain {
         (angles, slope.cost)
     }
 
-    /// Smooths a way through all frames, in degrees, with the stillness of [`STILLNESS`].
+    /// Smooths a way through all frames, in degrees, by what [`Track::best`](crate::track::Track::best) judges: errors, steps,
+    /// and steps that a joint with these highest speeds, in degrees a second, cannot make in a frame.
     ///
     /// Gauss and Newton's method on all frames at once: the normal equations are block tridiagonal. A frame costs about
     /// 1 µs a step.
-    pub fn settle(&self, way: &mut [Values], wanted: &[Matrix], fps: f64) {
+    pub fn settle(&self, way: &mut [Values], wanted: &[Matrix], fps: f64, max_speed: &Values) {
+        let most: Values = max_speed.map(|speed| (speed / fps).to_radians());
         let stillness = STILLNESS * fps * fps;
+        // What the square of a step counts, and half its slope beside the step.
+        let late = |step: f64, most: f64| if step > most { (step / most - 1.0) / 3.0 } else { 0.0 };
+        let price = |step: f64, most: f64| stillness + late(step, most);
+        let slope_of = |step: f64, most: f64| {
+            stillness + if step > most { (1.5 * step / most - 1.0) / 3.0 } else { 0.0 }
+        };
         let mut angles: Vec<Values> = way.iter().map(|values| values.map(f64::to_radians)).collect();
         let cost = |angles: &[Values], slopes: &[Slope]| {
             let steps = angles
                 .windows(2)
-                .flat_map(|pair| (0..MOST_JOINTS).map(|k| (pair[1][k] - pair[0][k]).powi(2)));
-            slopes.iter().map(|slope| slope.cost).sum::<f64>() + stillness / 2.0 * steps.sum::<f64>()
+                .flat_map(|pair| (0..MOST_JOINTS).map(|k| ((pair[1][k] - pair[0][k]).abs(), most[k])));
+            let steps = steps.map(|(step, most)| step * step * price(step, most));
+            slopes.iter().map(|slope| slope.cost).sum::<f64>() + steps.sum::<f64>() / 2.0
         };
         let slopes = |angles: &[Values]| -> Vec<Slope> {
             angles.iter().zip(wanted).map(|(angles, wanted)| self.slope(angles, wanted)).collect()
@@ -164,7 +207,11 @@ impl Chain {
         let mut here = slopes(&angles);
         let mut damping = 1e-6;
         for _ in 0..MOST_SWEEPS {
-            let step = self.step_of_all(&angles, &here, stillness, damping);
+            let bonds: Vec<Values> = angles
+                .windows(2)
+                .map(|pair| std::array::from_fn(|k| slope_of((pair[1][k] - pair[0][k]).abs(), most[k])))
+                .collect();
+            let step = self.step_of_all(&angles, &here, &bonds, damping);
             let next: Vec<Values> = angles
                 .iter()
                 .zip(&step)
@@ -187,36 +234,46 @@ impl Chain {
         }
     }
 
-    /// One step of Gauss and Newton's method for all frames, by elimination from the first to the last.
-    fn step_of_all(&self, angles: &[Values], slopes: &[Slope], stillness: f64, damping: f64) -> Vec<Values> {
-        let last = angles.len().saturating_sub(1);
+    /// One step of Gauss and Newton's method for all frames, by elimination from the first to the last. `bonds` say how much
+    /// each joint's step from a frame to the next counts.
+    fn step_of_all(
+        &self,
+        angles: &[Values],
+        slopes: &[Slope],
+        bonds: &[Values],
+        damping: f64,
+    ) -> Vec<Values> {
+        let none = [0.0; MOST_JOINTS];
         // Of each frame: the inverse of its block after elimination, times what couples it to the next, and the wish.
         let mut eliminated: Vec<([Values; MOST_JOINTS], Values)> = Vec::with_capacity(angles.len());
         let mut held: Vec<[bool; MOST_JOINTS]> = Vec::with_capacity(angles.len());
         for (frame, slope) in slopes.iter().enumerate() {
             let mut gradient = slope.gradient;
             let mut block = slope.curvature;
+            let before = frame.checked_sub(1).map(|before| (before, bonds[before]));
+            let behind = bonds.get(frame).map(|bond| (frame + 1, *bond));
+            let onward = behind.map_or(none, |(_, bond)| bond);
             for k in 0..MOST_JOINTS {
                 block[k][k] += damping;
-                for other in [frame.checked_sub(1), (frame < last).then_some(frame + 1)].into_iter().flatten()
-                {
-                    gradient[k] += stillness * (angles[frame][k] - angles[other][k]);
-                    block[k][k] += stillness;
+                for (other, bond) in [before, behind].into_iter().flatten() {
+                    gradient[k] += bond[k] * (angles[frame][k] - angles[other][k]);
+                    block[k][k] += bond[k];
                 }
             }
+            let back = before.map_or(none, |(_, bond)| bond);
             let free = self.free(&angles[frame], &gradient);
             hold(&mut block, &free);
             let mut wish: Values = std::array::from_fn(|k| if free[k] { -gradient[k] } else { 0.0 });
             if let (Some((coupled, before)), Some(earlier)) = (eliminated.last(), held.last()) {
                 for k in (0..MOST_JOINTS).filter(|&k| free[k] && earlier[k]) {
-                    wish[k] += stillness * before[k];
+                    wish[k] += back[k] * before[k];
                     for j in (0..MOST_JOINTS).filter(|&j| free[j]) {
-                        block[k][j] -= stillness * coupled[k][j];
+                        block[k][j] -= back[k] * coupled[k][j];
                     }
                 }
             }
             let columns: [Values; MOST_JOINTS] = std::array::from_fn(|j| {
-                let unit = std::array::from_fn(|k| if k == j && free[j] { stillness } else { 0.0 });
+                let unit = std::array::from_fn(|k| if k == j && free[j] { onward[j] } else { 0.0 });
                 solve(&block, &unit)
             });
             let coupled = std::array::from_fn(|k| std::array::from_fn(|j| columns[j][k]));
@@ -290,6 +347,23 @@ fn hold(block: &mut [Values; MOST_JOINTS], free: &[bool; MOST_JOINTS]) {
     }
 }
 
+/// The best of the solutions of a frame, the cheapest first; of those that are the same the first one.
+fn best_of(mut found: Vec<(Values, f64)>) -> Vec<(Values, f64)> {
+    let cheapest = found.iter().map(|(_, cost)| *cost).fold(f64::INFINITY, f64::min);
+    found.retain(|(_, cost)| cost - cheapest < 1.0);
+    let mut solutions: Vec<(Values, f64)> = Vec::new();
+    for (angles, cost) in found {
+        let is_same =
+            |(other, _): &(Values, f64)| (0..MOST_JOINTS).all(|k| (other[k] - angles[k]).abs() < SAME);
+        if !solutions.iter().any(is_same) {
+            solutions.push((angles, cost));
+        }
+    }
+    solutions.sort_by(|(_, one), (_, other)| one.total_cmp(other));
+    solutions.truncate(MOST_SOLUTIONS);
+    solutions
+}
+
 /// The solution of three equations, by Gauss' elimination with the largest pivot of a column. A variable that the
 /// equations do not determine is 0.
 fn solve(matrix: &[Values; MOST_JOINTS], wish: &Values) -> Values {
@@ -341,7 +415,7 @@ mod tests {
     fn follow(chain: &Chain, wanted: &[Matrix]) -> (Vec<Values>, Vec<f64>) {
         let track = Track { fps: 60.0, max_speed: [400.0; MOST_JOINTS] };
         let mut way = track.best(&chain.candidates(wanted)).0;
-        chain.settle(&mut way, wanted, 60.0);
+        chain.settle(&mut way, wanted, 60.0, &[400.0; MOST_JOINTS]);
         let off =
             way.iter().zip(wanted).map(|(values, wanted)| chain.off(&values.map(f64::to_radians), wanted));
         let off = off.collect();
@@ -399,6 +473,25 @@ mod tests {
             let ends = [way[0], way[89]];
             assert!(ends.iter().all(|values| values[0].abs() < 15.0), "{aside}: {ends:?}");
         }
+    }
+
+    /// A bone that comes near the axis of the first joint and leaves on the other side, where the second joint cannot bend
+    /// the other way: the first one has to turn by half a turn meanwhile, and begins before it must.
+    #[test]
+    fn a_joint_turns_early_where_a_pole_is_near() {
+        let sweep = |frame: i32| {
+            let along = f64::from(frame) - 60.0;
+            let (side, apart) = (if along < 0.0 { 80.0 } else { -100.0 }, 5.0 + along.abs());
+            multiply(&about(X, side), &about(Y, apart))
+        };
+        let path: Vec<Matrix> = (0..120).map(sweep).collect();
+        let ranges = [[-120.0, 120.0], [0.0, 90.0]].map(|range| range.map(f64::to_radians));
+        let arm = Chain { ranges: ranges.to_vec(), ..chain(&[X, Y], [0.0; 2], X) };
+        let (way, off) = follow(&arm, &path);
+        // At 400 degrees a second a frame has 6.7 of them, and all at once would be 180.
+        assert!(longest_step(&way) < 45.0, "{}", longest_step(&way));
+        assert!(most(&off) < 20.0, "{}", most(&off));
+        assert!(off[..30].iter().chain(&off[90..]).all(|off| *off < 0.5), "{off:?}");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::chain::Chain;
 use crate::euler;
 use crate::hinge::{self, Hinge};
 use crate::plan::{Bones, Follows, Joint, Plan, Turn};
-use crate::report::{BoneReport, Excess, JointReport, Report, TwistReport, ends};
+use crate::report::{BoneReport, Excess, JointReport, Pole, Report, TwistReport, ends};
 use crate::smooth::{self, Limits};
 use crate::track::{Candidate, MOST_JOINTS, Track, Values, turned};
 use crate::twist::{Twist, twist};
@@ -93,7 +93,9 @@ pub fn fit(plan: &Plan, clip: &Clip, smooth: bool) -> Fitted {
     let bones = recording.bones(plan, clip, &ways);
     let twist = |hinge: &Hinge| TwistReport {
         bone: clip.skeleton.joints[hinge.upper].name.clone(),
+        part: hinge.part.to_string(),
         degrees: hinge.degrees,
+        is_known: hinge.is_known,
     };
     let twists = recording.hinges.iter().map(twist).collect();
     Fitted { clip: as_clip(plan, fps, &ways), report: Report { joints, bones, twists } }
@@ -133,6 +135,10 @@ fn channels(plan: &Plan, clip: &Clip, ways: &mut [Option<Way>]) {
         }
     }
     for (index, joint) in plan.joints.iter().enumerate() {
+        if let Follows::Goals { channel, zero, scale } = joint.follows {
+            let values = clip.motion.iter().map(|pose| (pose[channel] - zero) / scale).collect();
+            ways[index] = Some(by_turns(joint, values, None, None, fps).0);
+        }
         if let (Some(channel), None) = (followed(joint), &ways[index]) {
             let values = clip.motion.iter().map(|pose| pose[channel] + joint.offset).collect();
             let period = joint.is_rotation.then_some(360.0);
@@ -233,7 +239,11 @@ impl Recording {
         let mut t_pose = TPose::of(&figure, &body);
         let joints = clip.skeleton.joints.len();
         let is_trunk = |joint| body.part(joint).is_some_and(|part| TRUNK.contains(&part));
-        let hinges = if turned.is_empty() { Vec::new() } else { hinge::hinges(clip, &body, &mut t_pose) };
+        let hinges = if turned.is_empty() {
+            Vec::new()
+        } else {
+            hinge::hinges(clip, &body, &mut t_pose, &plan.twists)
+        };
         let turn_of = |joint: usize| hinges.iter().find_map(|hinge| hinge.rotations[joint]);
         let direction = |joint| {
             let own = t_pose.direction(joint);
@@ -322,7 +332,7 @@ impl Recording {
         let mut max_speed = [f64::INFINITY; MOST_JOINTS];
         joints().zip(&mut max_speed).for_each(|(joint, speed)| *speed = joint.max_speed);
         let mut way = Track { fps: self.fps, max_speed }.best(&chain.candidates(wanted)).0;
-        chain.settle(&mut way, wanted, self.fps);
+        chain.settle(&mut way, wanted, self.fps, &max_speed);
         let off: Vec<f64> =
             way.iter().zip(wanted).map(|(values, wanted)| chain.off(&radians(values), wanted)).collect();
         for (place, joint) in joints().enumerate() {
@@ -381,8 +391,16 @@ impl Recording {
                 mean: 0.0,
                 worst: 0.0,
                 at: 0.0,
+                pole: None,
             };
             report.see(&angles, self.fps);
+            if members.len() == 2 && self.directions[bones.bone].is_some() {
+                let near = |wanted: &Matrix| chain.from_first_axis(wanted) < Pole::NEAR;
+                let near = wanted.iter().zip(&angles).filter(|(wanted, _)| near(wanted)).map(|(_, off)| *off);
+                let (count, worst) =
+                    near.fold((0.0, 0.0), |(count, most), off| (count + 1.0, f64::max(most, off)));
+                report.pole = Some(Pole { frames: count / angles.len().max(1) as f64, worst });
+            }
             reports.push(report);
         }
         reports

@@ -31,14 +31,19 @@ const TURNED_OUT: f64 = 60.0;
 pub struct Hinge {
     /// The joint of the upper bone.
     pub upper: usize,
+    /// The part of the body that the upper bone is.
+    pub part: Part,
     /// Degrees about the bone, from the T-pose as it was.
     pub degrees: f64,
+    /// Whether they were known before.
+    pub is_known: bool,
     /// For each joint that hangs on the upper bone, itself among them, what turns its frame in the T-pose.
     pub rotations: Vec<Option<Matrix>>,
 }
 
 /// The bones of a limb, and where the lower one bends to.
 struct Limb {
+    part: Part,
     upper: usize,
     lower: usize,
     to: [f64; 3],
@@ -46,8 +51,8 @@ struct Limb {
     foot: Option<(usize, Matrix)>,
 }
 
-/// The twists of a figure's limbs that its recording shows.
-pub fn hinges(clip: &Clip, body: &Body, t_pose: &mut TPose) -> Vec<Hinge> {
+/// The twists of a figure's limbs that are known, or that its recording shows.
+pub fn hinges(clip: &Clip, body: &Body, t_pose: &mut TPose, known: &[(usize, f64)]) -> Vec<Hinge> {
     let limbs: Vec<Limb> = limbs(body, t_pose);
     // Where the lower bone and the foot point, seen from the bone above.
     let mut bends = vec![[[0.0; 3]; 2]; limbs.len()];
@@ -72,13 +77,17 @@ pub fn hinges(clip: &Clip, body: &Body, t_pose: &mut TPose) -> Vec<Hinge> {
             let along = t_pose.direction(limb.upper);
             let by_bend = degrees_about(along, limb.to, lower, frames);
             let by_foot = degrees_about(along, FORWARD, foot, frames);
-            let degrees = match (by_bend, by_foot) {
-                (Some(bend), Some(foot)) if angles::wrap(bend - foot).abs() > TURNED_OUT => foot,
-                (bend, foot) => bend.or(foot)?,
+            let known = known.iter().find(|(upper, _)| *upper == limb.upper).map(|(_, degrees)| *degrees);
+            let degrees = match (known, by_bend, by_foot) {
+                (Some(known), ..) => known,
+                (None, Some(bend), Some(foot)) if angles::wrap(bend - foot).abs() > TURNED_OUT => foot,
+                (None, bend, foot) => bend.or(foot)?,
             };
             Some(Hinge {
                 upper: limb.upper,
+                part: limb.part,
                 degrees,
+                is_known: known.is_some(),
                 rotations: limb.rotations(clip, &about(along, degrees)),
             })
         })
@@ -87,11 +96,11 @@ pub fn hinges(clip: &Clip, body: &Body, t_pose: &mut TPose) -> Vec<Hinge> {
 
 /// The limbs of which both bones are known.
 fn limbs(body: &Body, t_pose: &TPose) -> Vec<Limb> {
-    let limb = |upper, lower, to, foot: Option<Part>| {
-        let (upper, lower) = (body.joint(upper)?, body.joint(lower)?);
+    let limb = |part, lower, to, foot: Option<Part>| {
+        let (upper, lower) = (body.joint(part)?, body.joint(lower)?);
         let foot = foot.and_then(|foot| body.joint(foot)).map(|foot| (foot, t_pose.brought(foot, lower)));
         let foot = foot.filter(|(_, brought)| angles::turned(brought) > BROUGHT);
-        Some(Limb { upper, lower, to, foot })
+        Some(Limb { part, upper, lower, to, foot })
     };
     let of_side = |side| {
         [
@@ -200,7 +209,7 @@ mod tests {
                 let knee = joint("knee", Part::Shin(side), Part::Thigh(side));
                 let ankle = joint("ankle", Part::Foot(side), Part::Shin(side));
                 let toes = joint("toes", Part::Toes(side), Part::Foot(side));
-                let plan = Plan { joints: vec![knee, ankle, toes], chains: Vec::new() };
+                let plan = Plan { joints: vec![knee, ankle, toes], chains: Vec::new(), twists: Vec::new() };
                 let fitted = fit(&plan, &clip, false);
                 for (value, expected) in fitted.clip.motion.samples.iter().zip([bent, 20.0, 0.0]) {
                     assert!((value - expected).abs() < 1e-6, "{side:?}: {:?}", fitted.clip.motion.samples);
@@ -211,5 +220,43 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Two recordings of one figure, whose knees bend to other sides, and one pose that is in both.
+    #[test]
+    fn a_known_twist_is_the_same_in_all_recordings() {
+        let one = legs_along_one_axis(40.0, 0.0);
+        let part_of = |sideways: f64| {
+            let mut clip = legs_along_one_axis(40.0, sideways);
+            clip.motion.samples.extend(one.motion.samples.iter().copied());
+            clip
+        };
+        let knee = |clip: &Clip, twists: Vec<(usize, f64)>| {
+            let body = Body::of(&clip.skeleton);
+            let joint = |part| body.joint(part).expect("a bone");
+            let bones =
+                Bones { bone: joint(Part::Shin(Side::Left)), against: body.joint(Part::Thigh(Side::Left)) };
+            let knee = Joint {
+                name: "knee".to_owned(),
+                follows: Follows::Turns(vec![(Turn { bones, axis: [1.0, 0.0, 0.0] }, 1.0)]),
+                is_rotation: true,
+                offset: 0.0,
+                range: [-180.0, 180.0],
+                max_speed: 1000.0,
+                max_acceleration: 1e6,
+            };
+            let fitted = fit(&Plan { joints: vec![knee], chains: Vec::new(), twists }, clip, false);
+            (*fitted.clip.motion.samples.last().expect("a value"), fitted.report.twists)
+        };
+        let (first, shown) = knee(&one, Vec::new());
+        let other = part_of(30.0);
+        let (without, _) = knee(&other, Vec::new());
+        assert!((first - 40.0).abs() < 1e-6 && (first - without).abs() > 1.0, "{first} {without}");
+        let upper =
+            one.skeleton.joints.iter().position(|joint| joint.name == shown[0].bone).expect("a joint");
+        assert!(shown[0].part == "left thigh" && !shown[0].is_known);
+        let (with, told) = knee(&other, vec![(upper, shown[0].degrees)]);
+        assert!((first - with).abs() < 1e-6, "{first} {with}");
+        assert!(told.iter().any(|twist| twist.is_known && twist.degrees == shown[0].degrees));
     }
 }

@@ -25,4 +25,4 @@ pub mod twist;
 
 pub use fitted::{Fitted, channel_name, fit};
 pub use plan::{Bones, Chain, Follows, Joint, Plan, Turn};
-pub use report::{BoneReport, Excess, JointReport, Report, TwistReport};
+pub use report::{BoneReport, Excess, JointReport, Pole, Report, TwistReport};

@@ -7,6 +7,9 @@ pub struct Plan {
     pub joints: Vec<Joint>,
     /// The chains that joints are parts of.
     pub chains: Vec<Chain>,
+    /// Limbs of the figure whose twist is known: the joint of the upper bone, and degrees about it from the T-pose. That of
+    /// others is found from the recording.
+    pub twists: Vec<(usize, f64)>,
 }
 
 /// A joint of a puppet. Its values are degrees, or centimetres where it follows a translation.
@@ -33,6 +36,15 @@ pub struct Joint {
 pub enum Follows {
     /// A channel of the figure's skeleton, by its index.
     Channel(usize),
+    /// A channel whose values are goals of the servo; the joint's offset does not count.
+    Goals {
+        /// Index of the channel.
+        channel: usize,
+        /// The goal at value 0.
+        zero: f64,
+        /// Goals a unit of the joint, below 0 for a servo that is mounted the other way round.
+        scale: f64,
+    },
     /// The sum of turns, each times its weight; a single turn is a sum of one.
     Turns(Vec<(Turn, f64)>),
     /// What a chain needs of it. The joints of a chain come in the order of the plan, the first nearest to the bone that

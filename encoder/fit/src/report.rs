@@ -19,8 +19,12 @@ pub struct Report {
 pub struct TwistReport {
     /// The skeleton's joint that turns the bone.
     pub bone: String,
+    /// The part of the body that it is.
+    pub part: String,
     /// In degrees, about where the bone points.
     pub degrees: f64,
+    /// Whether it was known before; else it was found from the recording.
+    pub is_known: bool,
 }
 
 /// What a recording asks of a joint that the joint cannot do. Values are in degrees or cm.
@@ -100,6 +104,22 @@ pub struct BoneReport {
     pub worst: f64,
     /// When that is, in seconds of the clip.
     pub at: f64,
+    /// Of a bone that two joints drive: what there is near the axis of the first one.
+    pub pole: Option<Pole>,
+}
+
+/// A bone along the axis of the first of its two joints. How it goes on from there may need a jump of that joint.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Pole {
+    /// Part of the frames in which the bone is within [`Pole::NEAR`] of the axis.
+    pub frames: f64,
+    /// The largest angle between where the bone points and where it should, in these frames.
+    pub worst: f64,
+}
+
+impl Pole {
+    /// So near to an axis is near, in degrees.
+    pub const NEAR: f64 = 30.0;
 }
 
 impl BoneReport {

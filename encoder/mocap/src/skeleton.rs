@@ -157,6 +157,36 @@ impl Skeleton {
         self.channels.iter().map(|channel| channel.dof.is_rotation()).collect()
     }
 
+    /// A number that says whose bones these are, as 16 hexadecimal digits: the same for all recordings of a figure at rest
+    /// in one way, in whatever unit, and another for other names, lengths and rest poses.
+    ///
+    /// Lengths count to about a hundredth of the longest bone. Where the root is does not count.
+    pub fn fingerprint(&self) -> String {
+        let size = |vector: &[f64; 3]| vector.iter().map(|part| part * part).sum::<f64>().sqrt();
+        let below = self.joints.iter().filter(|joint| joint.parent.is_some());
+        let lengths = below.flat_map(|joint| [size(&joint.offset), size(&joint.tail)]);
+        let longest = lengths.fold(f64::MIN_POSITIVE, f64::max);
+        // An odd factor, so that lengths in whole numbers are not on the edge between two.
+        let part = |value: f64| ((value * 97.31 + 0.1234).round() as i64).to_le_bytes();
+        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+        let mut take = |bytes: &[u8]| {
+            for byte in bytes {
+                hash = (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+            }
+        };
+        for joint in &self.joints {
+            take(joint.name.as_bytes());
+            take(b"\0");
+            take(&(joint.parent.map_or(-1, |parent| parent as i64)).to_le_bytes());
+            joint.axis.as_flattened().iter().for_each(|value| take(&part(*value)));
+            joint.tail.iter().for_each(|value| take(&part(value / longest)));
+            if joint.parent.is_some() {
+                joint.offset.iter().for_each(|value| take(&part(value / longest)));
+            }
+        }
+        format!("{hash:016x}")
+    }
+
     /// Index of the channel of that name, for instance `rradius.rx`.
     pub fn channel(&self, name: &str) -> Option<usize> {
         self.channels.iter().position(|channel| channel.name == name)
@@ -190,6 +220,28 @@ impl Skeleton {
 mod tests {
     use crate::kinematics::Kinematics;
     use crate::sample;
+
+    #[test]
+    fn a_fingerprint_is_of_the_bones_and_not_of_the_unit() {
+        let clip = sample::clip();
+        let own = clip.skeleton.fingerprint();
+        assert_eq!(own.len(), 16);
+        for cm in [0.1, 2.54, 100.0] {
+            let mut other = clip.clone();
+            crate::import::unit::scale(&mut other, cm);
+            other.skeleton.joints[0].offset = [1.0, 2.0, 3.0];
+            assert_eq!(other.skeleton.fingerprint(), own);
+        }
+        let mut longer = clip.skeleton.clone();
+        longer.joints[5].offset[1] += 2.0;
+        let mut turned = clip.skeleton.clone();
+        turned.joints[5].axis = crate::angles::rotation(0, 5.0);
+        let mut named = clip.skeleton;
+        named.joints[5].name.push('x');
+        for other in [longer, turned, named] {
+            assert_ne!(other.fingerprint(), own);
+        }
+    }
 
     #[test]
     fn with_fewer_channels_the_others_are_at_rest() {

@@ -212,9 +212,15 @@ pub enum Problem {
     /// A recording of columns alone, for a joint that follows a turn, a chain or a sum.
     #[error(
         "a table has columns and no bones, so that there is no turn or chain in it: give a recording with a skeleton, or \
-         follow a column with channel = \"NAME.rx\""
+         name a column as the joint, in degrees (\"NAME\") or in goals (\"NAME.goal\")"
     )]
     NoBones,
+    /// What is known of a figure names no limb.
+    #[error("found \"{name}\", expected \"left\" or \"right\" and \"upper arm\" or \"thigh\"")]
+    NoLimb {
+        /// The name.
+        name: String,
+    },
     /// The skeleton has no such bone.
     #[error("the skeleton has no bone \"{name}\"; it has {}", .known.join(", "))]
     NoBone {

@@ -6,6 +6,7 @@ use core::fmt;
 use firmware::map::BusKind;
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, SeqAccess, Visitor};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use toml::Spanned;
 
@@ -28,6 +29,8 @@ pub(crate) struct File {
     pub(crate) bus: Vec<BusEntry>,
     #[serde(default)]
     pub(crate) chain: Vec<ChainEntry>,
+    #[serde(default)]
+    pub(crate) figure: Vec<FigureEntry>,
     pub(crate) joint: Vec<JointEntry>,
 }
 
@@ -62,6 +65,14 @@ pub(crate) struct ChainEntry {
     pub(crate) name: Spanned<String>,
     pub(crate) bone: Spanned<String>,
     pub(crate) against: Spanned<String>,
+}
+
+/// What is known of a figure that the puppet plays recordings of.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FigureEntry {
+    pub(crate) bones: Spanned<String>,
+    pub(crate) twists: Spanned<BTreeMap<String, f64>>,
 }
 
 /// The rotation of one bone against another about an axis.
@@ -169,7 +180,7 @@ mod tests {
         let error = toml::from_str::<File>(text).unwrap_err().message().to_owned();
         let (_, keys) = error.split_once("expected").unwrap_or_default();
         let keys: BTreeSet<_> = keys.split('`').skip(1).step_by(2).map(ToOwned::to_owned).collect();
-        assert!(keys.len() > 2, "{error}");
+        assert!(keys.len() > 1, "{error}");
         keys
     }
 
@@ -187,6 +198,7 @@ mod tests {
             ("## The whole puppet", "none = 1"),
             ("## [[bus]]", "[[bus]]\nnone = 1"),
             ("## [[chain]]", "[[chain]]\nnone = 1"),
+            ("## [[figure]]", "[[figure]]\nnone = 1"),
             ("## [[joint]]", "[[joint]]\nnone = 1"),
             ("### turn", "[[joint]]\nturn = { none = 1 }"),
             ("### turn", "[[joint]]\nsum = [{ none = 1 }]"),
@@ -202,12 +214,13 @@ mod tests {
     fn the_pages_examples_are_puppets() {
         let examples = include_str!("../../../docs/PUPPET.md").split("```toml\n").skip(1);
         let examples: Vec<&str> = examples.filter_map(|text| text.split("```").next()).collect();
-        assert_eq!(examples.len(), 6);
+        assert_eq!(examples.len(), 7);
         let head = "servo_hz = 50\nbaud = 1\n";
         let joint = "[[joint]]\nname = 'a'\nid = 9\nchannel = 'a.rx'\nrange = [0, 1]\nmax_speed = 1\n";
         for text in examples {
             let text = match text {
                 _ if text.contains("servo_hz") => format!("{text}{joint}"),
+                _ if text.contains("[[figure]]") => format!("{head}{text}{joint}"),
                 _ if text.contains("[[bus]]") => format!("servo_hz = 50\n{text}{joint}"),
                 _ if text.starts_with("idle") => format!("{head}{joint}{text}"),
                 _ => format!("{head}{text}"),

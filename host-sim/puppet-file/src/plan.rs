@@ -5,10 +5,12 @@ use crate::error::{Error, Mistakes, Problem};
 use crate::file::{JointEntry, TurnEntry};
 use crate::puppet::Puppet;
 use firmware::limits::FINE_BITS;
-use fit::{Bones, Chain, Follows, Joint, Plan, Turn};
-use mocap::Skeleton;
+use firmware::map;
+use fit::{Bones, Follows, Joint, Plan, Turn};
 use mocap::body::{Body, Part};
+use mocap::import::GOAL;
 use mocap::skeleton::Origin;
+use mocap::{Clip, Skeleton};
 use toml::Spanned;
 
 /// What a bone is called that is none: turns against it are turns of the figure in the room.
@@ -18,30 +20,33 @@ const WORLD: &str = "world";
 const MOST_TOLD: usize = 24;
 
 impl Puppet {
-    /// What fit is asked for, for recordings of a skeleton.
+    /// What fit is asked for, for a recording.
     ///
     /// # Errors
     /// Every mistake there is: those that [`check`](Self::check) gives, and channels and bones that the skeleton has not.
-    pub fn plan(&self, skeleton: &Skeleton) -> Result<Plan, Vec<Error>> {
+    pub fn plan(&self, clip: &Clip) -> Result<Plan, Vec<Error>> {
+        let skeleton = &clip.figure();
         let map = self.channels().map_err(|mistake| vec![mistake]).and_then(|own| self.check(own))?;
         let mut mistakes = Mistakes::default();
         let figure = Figure { skeleton, body: Body::of(skeleton), channels: Channels::from(skeleton) };
         let chains = self.file.chain.iter().filter_map(|chain| {
             let bones = mistakes.note(figure.bones(self, &chain.bone, &chain.against))?;
-            Some(Chain { name: chain.name.get_ref().clone(), bones })
+            Some(fit::Chain { name: chain.name.get_ref().clone(), bones })
         });
-        let chains: Vec<Chain> = chains.collect();
+        let chains: Vec<fit::Chain> = chains.collect();
+        let twists = mistakes.note(self.twists(clip, &figure)).unwrap_or_default();
         let mut joints = Vec::new();
         for (index, entry) in self.file.joint.iter().enumerate() {
-            let follows = mistakes.note(self.followed(entry, &figure));
-            let offset = mistakes.note(self.offset(entry));
             let own = mistakes.note(self.own_channel(entry));
             // Of the puppet's own channels each joint has the one with its number.
             let joint = map.joints().iter().find(|joint| usize::from(joint.channel) == index);
-            let (Some(follows), Some(offset), Some((_, unit)), Some(joint)) = (follows, offset, own, joint)
-            else {
-                continue;
+            let (Some((own, unit)), Some(joint)) = (own, joint) else { continue };
+            let follows = match figure.column_of(entry, joint, &own) {
+                // What is given for the joint itself is its value.
+                Some(follows) => Some((follows, 0.0)),
+                None => mistakes.note(self.followed(entry, &figure)).zip(mistakes.note(self.offset(entry))),
             };
+            let Some((follows, offset)) = follows else { continue };
             let scale = joint.scale.to_num::<f64>();
             let value = |goal: i32| f64::from(goal - joint.zero) / scale;
             let (one, other) = (value(joint.min), value(joint.max));
@@ -57,7 +62,28 @@ impl Puppet {
                 max_acceleration: per_tick(joint.max_acceleration) * hz * hz,
             });
         }
-        if mistakes.is_empty() { Ok(Plan { joints, chains }) } else { Err(mistakes.into()) }
+        if mistakes.is_empty() { Ok(Plan { joints, chains, twists }) } else { Err(mistakes.into()) }
+    }
+
+    /// The twists that the file has of this figure's limbs.
+    fn twists(&self, clip: &Clip, figure: &Figure<'_>) -> Result<Vec<(usize, f64)>, Error> {
+        let mut twists = Vec::new();
+        let own = clip.skeleton.fingerprint();
+        for entry in &self.file.figure {
+            for (name, degrees) in entry.twists.get_ref() {
+                let limb =
+                    Part::parse(name).filter(|part| matches!(part, Part::UpperArm(_) | Part::Thigh(_)));
+                let no_limb = || self.wrong(&entry.twists, Problem::NoLimb { name: name.clone() });
+                let joint = figure.body.joint(limb.ok_or_else(no_limb)?);
+                if !degrees.is_finite() {
+                    return Err(self.wrong(&entry.twists, Problem::NotFinite { found: *degrees }));
+                }
+                if let (Some(joint), true) = (joint, *entry.bones.get_ref() == own) {
+                    twists.push((joint, *degrees));
+                }
+            }
+        }
+        Ok(twists)
     }
 
     fn followed(&self, entry: &JointEntry, figure: &Figure<'_>) -> Result<Follows, Error> {
@@ -87,6 +113,21 @@ struct Figure<'s> {
 }
 
 impl Figure<'_> {
+    /// The column of a table that is named as the joint: in goals, or, where the joint follows no other column, in the joint's
+    /// own unit.
+    fn column_of(&self, entry: &JointEntry, joint: &map::Joint, own: &str) -> Option<Follows> {
+        if self.skeleton.origin != Origin::Table {
+            return None;
+        }
+        let column = |name: &str| Some(self.channels.find(name).ok()?.0);
+        if let Some(channel) = column(&format!("{}.{GOAL}", entry.name.get_ref())) {
+            let (zero, scale) = (f64::from(joint.zero), joint.scale.to_num());
+            return Some(Follows::Goals { channel, zero, scale });
+        }
+        let other = entry.channel.as_ref().and_then(|channel| column(channel.get_ref()));
+        if other.is_some() { None } else { Some(Follows::Channel(column(own)?)) }
+    }
+
     fn bones(
         &self,
         puppet: &Puppet,
@@ -120,7 +161,7 @@ mod tests {
 
     fn plan(joints: &str) -> Result<Plan, Vec<Error>> {
         let text = format!("servo_hz = 50\nbaud = 1\n{joints}");
-        Puppet::parse(Path::new("puppet.toml"), text).unwrap().plan(&mocap::sample::clip().skeleton)
+        Puppet::parse(Path::new("puppet.toml"), text).unwrap().plan(&mocap::sample::clip())
     }
 
     const ELBOW: &str = "[[joint]]\nname = 'elbow'\nid = 3\nrange = [10, 90]\nmax_speed = 90\n";
@@ -141,6 +182,49 @@ mod tests {
             "{elbow:?}"
         );
         assert!(elbow.is_rotation && elbow.offset == 20.0);
+    }
+
+    #[test]
+    fn columns_of_a_table_that_are_named_as_joints_are_their_values() {
+        let joints = format!(
+            "{ELBOW}turn = {{ bone = 'a', against = 'b', axis = 'x' }}\ndirection = -1\nzero = 2000\noffset = 7\n{}",
+            ELBOW.replace("elbow", "jaw").replace("id = 3", "id = 4") + "channel = 'mouth.rx'\noffset = 7\n"
+        );
+        let puppet =
+            Puppet::parse(Path::new("p.toml"), format!("servo_hz = 50\nbaud = 1\n{joints}")).unwrap();
+        let plan = |header: &str| {
+            let text = format!("time,{header}\n0,1,2\n0.1,1,2\n");
+            let read =
+                mocap::import::csv::parse(text.as_bytes(), "x.csv", &mocap::import::Options::default());
+            puppet.plan(&read.unwrap().clip)
+        };
+        let goals = plan("elbow.goal,mouth").unwrap().joints;
+        let Follows::Goals { channel: 0, zero: 2000.0, scale } = goals[0].follows else {
+            panic!("{goals:?}")
+        };
+        assert!((scale + 4096.0 / 360.0).abs() < 1e-4, "{scale}");
+        assert_eq!((&goals[1].follows, goals[0].offset, goals[1].offset), (&Follows::Channel(1), 0.0, 7.0));
+        let own = plan("elbow,jaw").unwrap().joints;
+        assert_eq!((&own[0].follows, own[0].offset), (&Follows::Channel(0), 0.0));
+        assert_eq!((&own[1].follows, own[1].offset), (&Follows::Channel(1), 0.0));
+        let error = plan("shoulder,jaw").unwrap_err().remove(0).to_string();
+        assert!(error.contains("name a column as the joint"), "{error}");
+    }
+
+    #[test]
+    fn a_figure_that_is_known_has_the_twists_in_the_file() {
+        let clip = mocap::sample::clip();
+        let elbow = format!("{ELBOW}channel = 'rradius.rx'\n");
+        let figure = |bones: &str, twists: &str| {
+            format!("[[figure]]\nbones = '{bones}'\ntwists = {{ {twists} }}\n{elbow}")
+        };
+        let joint = |name: &str| clip.skeleton.joints.iter().position(|joint| joint.name == name).unwrap();
+        let own = clip.skeleton.fingerprint();
+        let known = plan(&figure(&own, "'left thigh' = -3.5, 'right upper arm' = 20")).unwrap();
+        assert_eq!(known.twists, [(joint("lfemur"), -3.5), (joint("rhumerus"), 20.0)]);
+        assert_eq!(plan(&figure("0123456789abcdef", "'left thigh' = 3")).unwrap().twists, []);
+        let error = plan(&figure(&own, "'left shin' = 3")).unwrap_err().remove(0).to_string();
+        assert!(error.contains("line 5, key \"twists\": found \"left shin\", expected"), "{error}");
     }
 
     #[test]

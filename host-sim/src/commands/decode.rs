@@ -3,20 +3,24 @@
 use super::input::Length;
 use super::number::recorded_rate;
 use anyhow::{Context, Result, bail};
+use decoder_core::I16F16;
+use firmware::limits::FINE_BITS;
+use firmware::map::Joint;
 use host_sim::clip::Clip;
 use host_sim::files;
 use host_sim::puppet::channels;
-use mocap::Skeleton;
 use mocap::export;
-use mocap::import::{self, amc};
-use puppet_file::Channels;
+use mocap::import::{self, GOAL, amc};
+use mocap::{Motion, Skeleton};
+use puppet_file::{Channels, Map, Puppet};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Decode a clip into AMC, BVH, CSV, GLB, or JSON as the Blender Servo Animation add-on writes it.
 ///
 /// A clip that was made for a puppet has only some of the skeleton's channels; the others become 0. CSV needs no skeleton where
-/// the clip names its channels: it then has these alone.
+/// the clip names its channels: it then has these alone. With --puppet it has the goals of the puppet's servos, which `encode --puppet`
+/// reads again.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  bunraku decode walk.qmd --skeleton 02.asf -o walk.amc\n  \
     bunraku decode puppet.mclip -o puppet.csv")]
@@ -29,6 +33,9 @@ pub struct Args {
     /// Unit of the lengths in a BVH skeleton, as for `bunraku encode`; guessed unless given.
     #[arg(long, value_name = "UNIT")]
     unit: Option<import::Unit>,
+    /// Write what the servos of this puppet are told in each frame, within their ranges: a column NAME.goal for each joint (.csv).
+    #[arg(long, value_name = "PUPPET.toml")]
+    puppet: Option<PathBuf>,
     /// Frames per second, where the clip does not say.
     #[arg(long, value_name = "F", value_parser = recorded_rate)]
     fps: Option<f64>,
@@ -44,6 +51,8 @@ enum Layout {
     Skeleton(Skeleton),
     /// The clip itself.
     Names(Channels),
+    /// The servos of a puppet.
+    Goals(Box<Map>, Vec<String>),
 }
 
 pub fn run(args: Args) -> Result<ExitCode> {
@@ -52,17 +61,27 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let output = args.output.display();
         bail!("{output}: found the extension {extension:?}, expected amc, bvh, csv, glb or json");
     }
+    if args.puppet.is_some() && extension != "csv" {
+        bail!("{}: goals of servos go into a .csv", args.output.display());
+    }
     let skeleton = args.skeleton.as_deref();
     let skeleton = skeleton.map(|path| import::read_skeleton(path, args.unit)).transpose()?;
     let bytes = files::read(&args.clip)?;
     let clip = Clip::headers(&args.clip, &bytes)?;
     let (name, found) = (args.clip.display(), clip.channels());
-    let layout = match (skeleton, channels::of_clip(&clip)) {
-        (Some(skeleton), None) => {
+    let layout = match (&args.puppet, skeleton, channels::of_clip(&clip)) {
+        (Some(puppet), ..) => {
+            let puppet = Puppet::read(puppet)?;
+            let map = puppet.map(channels::of_played(&args.clip, &clip, &puppet, args.skeleton)?)?;
+            let names = map.joints().iter().map(|joint| format!("{}.{GOAL}", puppet.name_of(joint)));
+            let names = names.collect();
+            Layout::Goals(Box::new(map), names)
+        }
+        (None, Some(skeleton), None) => {
             channels::check_clip(&args.clip, &clip, &Channels::from(&skeleton))?;
             Layout::Skeleton(skeleton)
         }
-        (Some(skeleton), Some(own)) => {
+        (None, Some(skeleton), Some(own)) => {
             let on_it = Channels::from(&skeleton);
             if !own.names().any(|channel| on_it.find(channel).is_ok()) {
                 let first = own.names().next().unwrap_or_default();
@@ -73,11 +92,11 @@ pub fn run(args: Args) -> Result<ExitCode> {
             }
             Layout::Skeleton(skeleton)
         }
-        (None, Some(own)) if extension == "csv" => Layout::Names(own),
-        (None, None) if extension == "csv" => bail!(
+        (None, None, Some(own)) if extension == "csv" => Layout::Names(own),
+        (None, None, None) if extension == "csv" => bail!(
             "{name} does not name its channels: give the skeleton that it was encoded with (--skeleton)"
         ),
-        (None, _) => bail!(
+        (None, None, _) => bail!(
             "{}: a .{extension} needs the skeleton that the clip was encoded with (--skeleton); only .csv does without, \
              which is also what a clip that was fitted to a puppet decodes to",
             args.output.display()
@@ -85,8 +104,12 @@ pub fn run(args: Args) -> Result<ExitCode> {
     };
     clip.check_length(&args.clip, args.length.long)?;
     let mut motion = super::input::decode(&args.clip, &bytes)?;
-    if let Layout::Skeleton(skeleton) = &layout {
-        motion = channels::on_skeleton(&args.clip, &bytes, &motion, skeleton)?;
+    match &layout {
+        Layout::Skeleton(skeleton) => {
+            motion = channels::on_skeleton(&args.clip, &bytes, &motion, skeleton)?;
+        }
+        Layout::Goals(map, _) => motion = goals(map, &motion),
+        Layout::Names(_) => {}
     }
     if let Some(fps) = args.fps {
         motion.fps = fps;
@@ -96,6 +119,9 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let frames = motion.frames();
     files::write(&args.output, |mut file| {
         match (&layout, extension.as_str()) {
+            (Layout::Goals(_, names), _) => {
+                export::csv::write_named(&mut file, names.iter().map(String::as_str), &motion)
+            }
             (Layout::Names(names), _) => export::csv::write_named(&mut file, names.names(), &motion),
             (Layout::Skeleton(skeleton), "amc") => {
                 export::amc::write(&mut file, skeleton, &motion, export::amc::Rotations::Wrapped)
@@ -112,4 +138,16 @@ pub fn run(args: Args) -> Result<ExitCode> {
     })?;
     println!("{}: {frames} frames of {found} channels", args.output.display());
     Ok(ExitCode::SUCCESS)
+}
+
+/// What the servos of a puppet are told in each frame of a motion, in the order of the map.
+fn goals(map: &Map, motion: &Motion) -> Motion {
+    let joints = map.joints();
+    let goal = |pose: &[f64], joint: &Joint| {
+        let value = I16F16::saturating_from_num(pose[usize::from(joint.channel)]);
+        let fine = joint.goal(value).clamp(joint.limits().min(), joint.limits().max());
+        f64::from((fine + (1 << (FINE_BITS - 1))) >> FINE_BITS)
+    };
+    let samples = motion.iter().flat_map(|pose| joints.iter().map(move |joint| goal(pose, joint))).collect();
+    Motion { fps: motion.fps, channels: joints.len(), samples }
 }

@@ -1,12 +1,15 @@
 //! What a puppet cannot do of a recording, as one table.
 
-use fit::{BoneReport, Excess, JointReport, Report};
+use fit::{BoneReport, Excess, JointReport, Pole, Report};
 
 /// A bone that is further off in the mean than this is told besides, in degrees.
 const FAR_OFF: f64 = 30.0;
 
+/// A bone that is off by more than this near the axis of its first servo is told besides, in degrees.
+const POLE_TOLD: f64 = 10.0;
+
 /// A turn about a limb's own length that is worth a word, in degrees.
-const TOLD: f64 = 5.0;
+pub const TOLD: f64 = 5.0;
 
 /// The table: a line for each joint that cannot do all of it, and one for each bone that turns or chains drive.
 pub fn table(report: &Report) -> String {
@@ -47,12 +50,26 @@ pub fn table(report: &Report) -> String {
     }
     if !report.bones.is_empty() {
         let mut rows = vec![["bone", "against", "mean", "worst", "driven by"].map(str::to_owned).to_vec()];
-        for BoneReport { bone, against, joints, mean, worst, at } in &report.bones {
+        for BoneReport { bone, against, joints, mean, worst, at, .. } in &report.bones {
             let worst = format!("{worst:.1}° at {at:.2} s");
             rows.push(vec![bone.clone(), against.clone(), format!("{mean:.1}°"), worst, joints.join(", ")]);
         }
         text += "Where the bones point, beside the recording:\n";
         text += &aligned(&rows);
+        for BoneReport { bone, joints, worst, pole, .. } in &report.bones {
+            if let (Some(Pole { frames, worst: near }), Some(first)) = (pole, joints.first())
+                && near == worst
+                && *worst > POLE_TOLD
+                && !is_smoothed
+            {
+                text += &format!(
+                    "{bone} is worst where it points along the axis of {first}, to within {:.0}° ({:.1} % of the frames): there two \
+                     servos cannot follow, and a third one in the chain can.\n",
+                    Pole::NEAR,
+                    100.0 * frames
+                );
+            }
+        }
         let far = report.bones.iter().filter(|bone| bone.mean > FAR_OFF).map(|bone| bone.bone.as_str());
         let far: Vec<&str> = far.collect();
         if !far.is_empty() {
@@ -122,8 +139,14 @@ mod tests {
             mean: 1.0,
             worst: 12.3,
             at: 1.5,
+            pole: None,
         };
-        let twist = TwistReport { bone: "rhumerus".to_owned(), degrees: 31.1 };
+        let twist = TwistReport {
+            bone: "rhumerus".to_owned(),
+            part: "right upper arm".to_owned(),
+            degrees: 31.1,
+            is_known: false,
+        };
         let able = JointReport { out_of_range: None, ..joint.clone() };
         let report = Report { joints: vec![joint, able.clone()], bones: vec![bone], twists: vec![twist] };
         let text = table(&report);
@@ -133,6 +156,14 @@ mod tests {
         assert!(lines[2].contains("2 times, 0.35 s; 12.3 ° at 1.50 s  never"), "{text}");
         assert!(lines[5].starts_with("rradius  rhumerus  1.0°"), "{text}");
         assert!(lines[6].ends_with("rhumerus 31°"), "{text}");
+        let at_pole = |worst: f64| {
+            let pole = Some(Pole { frames: 0.031, worst });
+            let bone = BoneReport { pole, ..report.bones[0].clone() };
+            table(&Report { bones: vec![bone], ..report.clone() })
+        };
+        let told = "rradius is worst where it points along the axis of right elbow, to within 30° (3.1 % of the frames): there two";
+        assert!(at_pole(12.3).contains(told), "{}", at_pole(12.3));
+        assert!(!at_pole(12.0).contains("is worst where"));
         assert_eq!(table(&Report { joints: vec![able], bones: Vec::new(), twists: Vec::new() }), "");
     }
 }

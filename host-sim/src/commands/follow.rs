@@ -36,11 +36,8 @@ use std::sync::mpsc::Receiver;
 )]
 pub struct Args {
     /// The puppet.
-    #[arg(value_name = "PUPPET.toml", required_unless_present = "puppet_option")]
-    puppet: Option<PathBuf>,
-    /// The same, as it was given once.
-    #[arg(long = "puppet", id = "puppet_option", hide = true, conflicts_with = "puppet")]
-    puppet_option: Option<PathBuf>,
+    #[arg(value_name = "PUPPET.toml")]
+    puppet: PathBuf,
     /// Wait here for whoever connects and sends frames, by WebSocket or TCP. Port 0 is any free one; which one is printed.
     #[arg(long, value_name = "ADDRESS:PORT")]
     listen: Option<SocketAddr>,
@@ -76,7 +73,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
         bail!("--lost is {}, expected 0 to 60 seconds", args.lost);
     }
     let lost_millis = (args.lost * 1000.0).ceil() as u16;
-    let path = args.puppet.as_ref().or(args.puppet_option.as_ref()).context("expected a puppet")?;
+    let path = &args.puppet;
     let puppet = Puppet::read(path)?;
     let map = puppet.map(puppet.channels()?)?;
     let bus_names = puppet.bus_names();

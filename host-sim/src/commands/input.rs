@@ -1,22 +1,26 @@
 //! Arguments that several commands share: what is read, and how it is coded.
 
+use super::fit_table::TOLD;
 use super::frames::FrameRange;
 use super::number::{above_zero, recorded_rate};
 use super::same_channels;
 use anyhow::{Context, Result, anyhow, bail};
 use encoder::qmd::Method;
-use fit::Report;
+use fit::{Follows, Plan, Report};
 use host_sim::clip::Clip as AnyClip;
 use host_sim::files;
+use host_sim::puppet::new::{FOUR_LEGS, Figure};
 use mocap::Clip;
-use mocap::import::{self, Imported, Options, Unit};
+use mocap::body::{Body, goes_on_four_legs};
+use mocap::import::{self, Imported, Options, Unit, Values};
+use mocap::skeleton::Origin;
 use mocap::survey::Survey;
 use puppet_file::Puppet;
 use std::path::{Path, PathBuf};
 
 /// How a motion file is read.
 #[derive(clap::Args, Clone)]
-pub struct Source {
+pub struct Recording {
     /// The skeleton (.asf) that an AMC needs.
     #[arg(long, value_name = "S.asf")]
     pub skeleton: Option<PathBuf>,
@@ -34,6 +38,17 @@ pub struct Source {
     /// Only these frames of the file, from 0 on and the last one left out: `1..` leaves out the first, which is often a T-pose.
     #[arg(long, value_name = "FIRST..END")]
     frames: Option<FrameRange>,
+    /// Unit of the columns of a table or a recorded move whose names say none: degrees, radians, or goals of servos. Else those of a
+    /// table are degrees, and those of a move are guessed.
+    #[arg(long, value_name = "UNIT")]
+    values: Option<Values>,
+}
+
+/// How a motion file is read, and the puppet that it is for.
+#[derive(clap::Args, Clone)]
+pub struct Source {
+    #[command(flatten)]
+    pub recording: Recording,
     /// Fit the motion to this puppet: one channel for each of its joints, in degrees (cm for translations) within the joint's
     /// range. Such a clip needs no skeleton to be played, and is all that the puppet's controller has to hold and decode. An
     /// error of 1 cm is 1 degree of a joint.
@@ -44,22 +59,24 @@ pub struct Source {
     smooth: bool,
 }
 
-impl Source {
-    /// The motion in a .amc, .bvh, .csv, .glb or .json file, fitted to the puppet where there is one.
+impl Recording {
+    /// The motion in a .amc, .bvh, .csv, .glb, .gltf or .json file.
     pub fn load(&self, path: &Path) -> Result<Clip> {
-        Ok(self.load_fitted(path)?.0)
+        let (clip, notes) = self.read(path)?;
+        tell(path, &notes);
+        Ok(clip)
     }
 
-    /// As [`load`](Self::load), and what the puppet cannot do of it.
-    pub fn load_fitted(&self, path: &Path) -> Result<(Clip, Option<Report>)> {
+    /// As [`load`](Self::load), with what is to be told of it.
+    fn read(&self, path: &Path) -> Result<(Clip, Vec<String>)> {
         if is_clip(path) {
             bail!(
-                "{} is a compressed clip, expected a motion (.amc, .bvh, .csv, .glb or .json)",
+                "{} is a compressed clip, expected a motion (.amc, .bvh, .csv, .glb, .gltf or .json)",
                 path.display()
             );
         }
         let (skeleton, unit) = (self.skeleton.as_deref(), self.unit.clone());
-        let options = Options { skeleton, unit, fps: self.rate, sampled_fps: self.fps };
+        let options = Options { skeleton, unit, fps: self.rate, sampled_fps: self.fps, values: self.values };
         let Imported { mut clip, has_rate, mut notes } = import::read(path, &options)?;
         // Frames are those of the file: a T-pose that is left out must not be in what is resampled.
         if let Some(frames) = self.frames {
@@ -79,6 +96,19 @@ impl Source {
             }
             _ => {}
         }
+        Ok((clip, notes))
+    }
+}
+
+impl Source {
+    /// The motion in a .amc, .bvh, .csv, .glb, .gltf or .json file, fitted to the puppet where there is one.
+    pub fn load(&self, path: &Path) -> Result<Clip> {
+        Ok(self.load_fitted(path)?.0)
+    }
+
+    /// As [`load`](Self::load), and what the puppet cannot do of it.
+    pub fn load_fitted(&self, path: &Path) -> Result<(Clip, Option<Report>)> {
+        let (clip, mut notes) = self.recording.read(path)?;
         let fps = clip.motion.fps;
         if self.puppet.is_some() && !(0.01..=655.35).contains(&fps) {
             bail!(
@@ -87,7 +117,7 @@ impl Source {
             );
         }
         if self.puppet.is_some()
-            && self.frames.is_none()
+            && self.recording.frames.is_none()
             && let Some(jump) = Survey::of(&clip).jump
         {
             notes.push(format!(
@@ -95,13 +125,31 @@ impl Source {
                 clip.skeleton.channels[jump.channel].name, jump.degrees
             ));
         }
-        tell(path, &notes);
-        let Some(puppet) = &self.puppet else { return Ok((clip, None)) };
-        let plan = Puppet::read(puppet)?.plan(&clip.figure()).map_err(|mistakes| {
+        let Some(puppet) = &self.puppet else {
+            tell(path, &notes);
+            return Ok((clip, None));
+        };
+        let plan = Puppet::read(puppet)?.plan(&clip).map_err(|mistakes| {
             let sentences: Vec<String> = mistakes.iter().map(ToString::to_string).collect();
             anyhow!(sentences.join("\nbunraku: "))
         })?;
+        notes.extend(unfollowed(&plan, &clip));
+        if goes_on_four_legs(&clip, &Body::of(&clip.figure())) {
+            notes.push(FOUR_LEGS.to_owned());
+        }
+        tell(path, &notes);
         let fitted = fit::fit(&plan, &clip, self.smooth);
+        let found: Vec<_> = fitted.report.twists.iter().filter(|twist| !twist.is_known).collect();
+        if found.iter().any(|twist| twist.degrees.abs() > TOLD)
+            && let Some(text) = Figure::of(&clip, &fitted.report.twists).text()
+        {
+            eprint!(
+                "bunraku: {}: how limbs are twisted was found from these frames. With these lines at the end of {}, other recordings \
+                 of this figure have the same zeros:\n{text}",
+                path.display(),
+                puppet.display()
+            );
+        }
         Ok((fitted.clip, Some(fitted.report)))
     }
 
@@ -123,10 +171,26 @@ impl Source {
         }
         let mut motion = decode(path, &bytes)?.with_channels(&places);
         if motion.fps == 0.0 {
-            motion.fps = self.fps.unwrap_or(reference.motion.fps);
+            motion.fps = self.recording.fps.unwrap_or(reference.motion.fps);
         }
         Ok((Clip { skeleton: reference.skeleton.clone(), motion }, bytes.len() as u64))
     }
+}
+
+/// The columns of a table that no joint follows, as a sentence.
+fn unfollowed(plan: &Plan, clip: &Clip) -> Option<String> {
+    if clip.skeleton.origin != Origin::Table {
+        return None;
+    }
+    let follows = |column: usize| {
+        plan.joints.iter().any(|joint| match joint.follows {
+            Follows::Channel(channel) | Follows::Goals { channel, .. } => channel == column,
+            _ => false,
+        })
+    };
+    let columns = clip.skeleton.channels.iter().enumerate().filter(|(column, _)| !follows(*column));
+    let names: Vec<String> = columns.map(|(_, channel)| channel.name.escape_debug().to_string()).collect();
+    (!names.is_empty()).then(|| format!("left out, since no joint follows them: {}", names.join(", ")))
 }
 
 /// A rate with up to three decimals.

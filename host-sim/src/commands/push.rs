@@ -197,6 +197,13 @@ pub fn run(args: Args) -> Result<ExitCode> {
 /// the frame that the device was told.
 fn sync(client: &mut Client, frame: f64, start: Instant) -> Result<f64> {
     let status = client.status()?;
+    if status.playing.is_some() && status.state != State::Playing {
+        bail!(
+            "{} is in the state {:?}, and a clip follows a clock only while it plays",
+            client.name(),
+            status.state
+        );
+    }
     let rate = match status.playing {
         Some(playing) => match client.request(&Request::Facts { clip: playing.clip })? {
             Response::Facts(Some(facts)) => f64::from(facts.rate_centihertz) / 100.0,

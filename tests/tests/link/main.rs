@@ -1,6 +1,7 @@
 //! The link between a host and a device: end to end on the virtual device, over lines that break, and fuzzed.
 #![allow(clippy::unwrap_used)]
 
+mod device_command;
 mod flash;
 mod fuzz;
 mod session;

@@ -30,6 +30,7 @@
 //! ```
 
 mod figure;
+mod four_legs;
 mod geometry;
 mod names;
 mod part;
@@ -39,5 +40,6 @@ mod t_pose;
 mod tree;
 
 pub use figure::{Body, FoundBy};
+pub use four_legs::goes_on_four_legs;
 pub use part::{Part, Side};
 pub use t_pose::TPose;

@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use super::error::{ExportError, check_channels};
 use super::number::write_number;
 use super::pose::{length_channel, local_position, local_rotation};
-use crate::angles;
+use crate::angles::{self, IDENTITY};
 use crate::import::bvh::CHANNEL_NAMES;
 use crate::motion::Motion;
 use crate::skeleton::Skeleton;
@@ -25,12 +25,14 @@ use crate::skeleton::{Dof, Origin};
 pub fn write(out: &mut impl Write, skeleton: &Skeleton, motion: &Motion) -> Result<(), ExportError> {
     check_channels(skeleton, motion)?;
     let children = children(skeleton);
+    // A BVH's joints are along the world's axes at rest.
+    let is_straight = skeleton.joints.iter().all(|joint| joint.axis == IDENTITY);
     let nodes: Vec<Node> = match skeleton.origin {
-        Origin::Bvh { .. } | Origin::Table => {
+        Origin::Bvh { .. } | Origin::Table if is_straight => {
             let cm_per_unit = skeleton.origin.cm_per_unit();
             (0..skeleton.joints.len()).map(|joint| Node::direct(skeleton, joint, cm_per_unit)).collect()
         }
-        Origin::Asf { .. } => {
+        Origin::Asf { .. } | Origin::Bvh { .. } | Origin::Table => {
             let nodes = (0..skeleton.joints.len())
                 .map(|joint| Node::converted(skeleton, joint, children[joint].is_empty()));
             nodes.collect::<Result<_, _>>()?

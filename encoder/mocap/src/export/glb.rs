@@ -157,7 +157,7 @@ mod tests {
         clip.motion.samples.truncate(200 * clip.motion.channels);
         let mut out = Vec::new();
         write(&mut out, &clip.skeleton, &clip.motion).expect("a Vec takes it");
-        let read = glb::parse(&out, "x.glb", None).expect("an animation");
+        let read = glb::parse(&out, "x.glb", None, None).expect("an animation");
         assert_eq!(read.notes, Vec::<String>::new());
         let read = read.clip;
         assert_eq!((read.motion.fps, read.motion.frames()), (60.0, 200));

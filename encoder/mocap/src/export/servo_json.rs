@@ -45,7 +45,8 @@ mod tests {
         let clip = sample::clip();
         let mut out = Vec::new();
         write(&mut out, &clip.skeleton, &clip.motion).expect("a Vec takes it");
-        let read = import::json::parse(&out, "x.json", None, None).expect("an animation").clip;
+        let read =
+            import::json::parse(&out, "x.json", &import::Options::default()).expect("an animation").clip;
         assert_eq!((read.motion.fps, read.motion.frames()), (60.0, 480));
         for (index, channel) in clip.skeleton.channels.iter().enumerate() {
             let place = read.skeleton.channel(&channel.name).expect(&channel.name);

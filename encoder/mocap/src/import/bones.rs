@@ -26,7 +26,9 @@ pub(super) fn set_bones(skeleton: &mut Skeleton, motion: &mut Motion, notes: &mu
     for &channel in &bones {
         let Channel { dof, joint, .. } = skeleton.channels[channel];
         if let Some(axis) = dof.axis() {
-            skeleton.joints[joint].offset[axis] = motion.samples[channel];
+            // Along the joint's own axis; of a BVH that is the file's.
+            let Joint { axis: own, offset, .. } = &mut skeleton.joints[joint];
+            (0..3).for_each(|k| offset[k] += own[k][axis] * motion.samples[channel]);
         }
     }
     notes.push(format!(

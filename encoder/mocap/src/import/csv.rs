@@ -2,28 +2,25 @@
 //!
 //! The first row has the columns' names. A column `time` (also `t`, `time_s`, `seconds`, `timestamp`) is in seconds; without
 //! one, a column `frame` is skipped, and the caller gives the rate. Any other column is a channel: `joint.rx` to `joint.rz`
-//! in degrees, `joint.tx` to `joint.tz` in centimetres, a name alone is a rotation in degrees. Fields are separated by
-//! commas, semicolons or tabs, with decimal points.
+//! in degrees, `joint.tx` to `joint.tz` in centimetres, `joint.goal` in goals of a servo. A name alone is a rotation in
+//! degrees, unless the caller says another unit or the name ends in `_rad`. Fields are separated by commas, semicolons or
+//! tabs, with decimal points.
 
 use super::error::ImportError;
 use super::imported::Imported;
+use super::options::Options;
 use super::text::{self, quote};
 use super::timed::Timed;
+use super::values::{self, Values};
 
 /// Names of a column of times in seconds.
 pub(super) const TIME: [&str; 7] = ["time", "t", "times", "time_s", "seconds", "timestamp", "timestamps"];
 
-/// Parses a table: `file` is its name for messages, `fps` the rate of its rows whatever their times are, and `wanted` the
-/// rate at which rows with uneven times are sampled.
+/// Parses a table: `file` is its name for messages.
 ///
 /// # Errors
 /// Names the line, what was found there and what was expected.
-pub fn parse(
-    bytes: &[u8],
-    file: &str,
-    fps: Option<f64>,
-    wanted: Option<f64>,
-) -> Result<Imported, ImportError> {
+pub fn parse(bytes: &[u8], file: &str, options: &Options) -> Result<Imported, ImportError> {
     text::check(bytes, file, "a CSV table")?;
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let first = bytes.split(|&byte| byte == b'\n').next().unwrap_or_default();
@@ -55,7 +52,7 @@ pub fn parse(
     let frame = names.iter().position(|name| name.eq_ignore_ascii_case("frame"));
     let is_channel = |column: usize| Some(column) != time && Some(column) != frame;
     let columns = names.iter().enumerate().filter(|(column, _)| is_channel(*column));
-    let columns = columns.map(|(_, name)| name.to_string()).collect();
+    let mut columns: Vec<String> = columns.map(|(_, name)| name.to_string()).collect();
     let (mut times, mut samples) = (Vec::new(), Vec::new());
     for record in reader.records() {
         let record = record.map_err(malformed)?;
@@ -74,7 +71,8 @@ pub fn parse(
         }
     }
     let times = time.is_some().then_some(times);
-    Timed { columns, times, samples }.into_clip(file, fps, wanted, Vec::new())
+    values::apply(&mut columns, &mut samples, options.values.unwrap_or(Values::Degrees));
+    Timed { columns, times, samples }.into_clip(file, options, Vec::new())
 }
 
 #[cfg(test)]
@@ -87,7 +85,7 @@ mod tests {
         let clip = sample::clip();
         let mut out = Vec::new();
         export::csv::write(&mut out, &clip.skeleton, &clip.motion).expect("a Vec takes it");
-        let read = parse(&out, "x.csv", None, None).expect("a table");
+        let read = parse(&out, "x.csv", &Options::default()).expect("a table");
         assert_eq!(read.clip.motion, clip.motion);
         let names = |clip: &crate::Clip| {
             clip.skeleton.channels.iter().map(|one| one.name.clone()).collect::<Vec<_>>()
@@ -98,8 +96,8 @@ mod tests {
 
     #[test]
     fn tables_of_other_programs() {
-        let read =
-            parse(b"\xef\xbb\xbfframe;head.ry;jaw\r\n0;1;2\r\n1;1.5;-3e1\r\n", "x.csv", Some(25.0), None);
+        let options = Options { fps: Some(25.0), ..Options::default() };
+        let read = parse(b"\xef\xbb\xbfframe;head.ry;jaw\r\n0;1;2\r\n1;1.5;-3e1\r\n", "x.csv", &options);
         let clip = read.expect("a table").clip;
         assert_eq!((clip.motion.fps, clip.motion.samples), (25.0, vec![1.0, 2.0, 1.5, -30.0]));
         for (text, message) in [
@@ -110,8 +108,27 @@ mod tests {
             ("time,a\n", "x.csv: found no row of values, expected at least one column and one row"),
             ("time\n1\n", "x.csv: found no row of values, expected at least one column and one row"),
         ] {
-            let error = parse(text.as_bytes(), "x.csv", None, None).expect_err(text).to_string();
+            let error = parse(text.as_bytes(), "x.csv", &Options::default()).expect_err(text).to_string();
             assert!(error.starts_with(message), "{error}");
+        }
+    }
+
+    #[test]
+    fn units_of_names_and_of_the_caller() {
+        let text = b"time,a.goal,b,c_rad,d.rx,e.ty\n0,2048,1,1,1,1\n0.5,2049.5,2,2,2,2\n";
+        let names = ["a.goal", "b.rx", "c_rad.rx", "d.rx", "e.ty"];
+        let half = 180.0 / std::f64::consts::PI;
+        for (values, b, factor, goals) in [
+            (None, "b.rx", 1.0, 1),
+            (Some(Values::Degrees), "b.rx", 1.0, 1),
+            (Some(Values::Radians), "b.rx", half, 1),
+            (Some(Values::Goals), "b.goal", 1.0, 2),
+        ] {
+            let read = parse(text, "x.csv", &Options { values, ..Options::default() }).expect("a table");
+            let found = read.clip.skeleton.channels.iter().map(|channel| channel.name.as_str());
+            assert!(found.eq(names.map(|name| if name == "b.rx" { b } else { name })));
+            assert_eq!(read.clip.motion.frame(1), [2049.5, 2.0 * factor, 2.0 * half, 2.0, 2.0]);
+            assert_eq!(read.notes, [format!("{goals} of 5 columns taken as goals of servos")]);
         }
     }
 }

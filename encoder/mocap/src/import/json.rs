@@ -13,7 +13,8 @@
 //!
 //! Names inside each other are joined by points, places in a list are numbers from 0. A 4 × 4 matrix is a pose: three
 //! rotations and three translations, in metres. Truth values and texts are left out. Times are in seconds. Angles are in
-//! degrees if a value is beyond 2π in size, else in radians, which is told; a name that ends in `_deg` or `_rad` says it.
+//! degrees if a value is beyond 2π in size, else in radians, which is told; a name that ends in `_deg` or `_rad` says it, or
+//! the caller.
 
 use std::f64::consts::TAU;
 
@@ -22,22 +23,18 @@ use serde_json::{Map, Value};
 use super::csv::TIME;
 use super::error::ImportError;
 use super::imported::Imported;
+use super::options::Options;
 use super::text::{self, quote};
 use super::timed::Timed;
+use super::values::{self, GOAL, Values, is_open, split};
 use crate::angles;
 use crate::skeleton::Dof;
 
-/// Parses a move: `file` is its name for messages, `fps` the rate of its rows whatever the file says, and `wanted` the rate
-/// at which rows with uneven times are sampled.
+/// Parses a move: `file` is its name for messages.
 ///
 /// # Errors
 /// Names the line of what is no JSON, or says what was found and expected.
-pub fn parse(
-    bytes: &[u8],
-    file: &str,
-    fps: Option<f64>,
-    wanted: Option<f64>,
-) -> Result<Imported, ImportError> {
+pub fn parse(bytes: &[u8], file: &str, options: &Options) -> Result<Imported, ImportError> {
     text::check(bytes, file, "a JSON file")?;
     let value: Value = serde_json::from_slice(bytes).map_err(|error| ImportError::Line {
         file: file.to_string(),
@@ -49,7 +46,7 @@ pub fn parse(
         |(found, expected): (String, String)| ImportError::File { file: file.to_string(), found, expected };
     match &value {
         Value::Object(object) if object.contains_key("servos") || is_list_of_frames(object) => {
-            let (columns, samples) = servo_animation(object).map_err(wrong)?;
+            let (columns, samples) = servo_animation(object, options.values).map_err(wrong)?;
             let own = object.get("fps").and_then(Value::as_f64).filter(|fps| *fps > 0.0);
             let mut notes = Vec::new();
             // What we wrote ourselves says its units.
@@ -58,21 +55,26 @@ pub fn parse(
                 .get("servos")
                 .and_then(Value::as_object)
                 .is_some_and(|servos| servos.values().any(says));
-            let counted = if ours { 0 } else { columns.len() };
+            let has_goals = options.values == Some(Values::Goals);
+            let counted = if ours || has_goals { 0 } else { columns.len() };
             if counted > 0 {
                 notes.push(format!(
                     "{counted} channels are positions of servos: a joint that follows one has `scale = 1` and `zero = 0`"
                 ));
             }
-            Timed { columns, times: None, samples }.into_clip(file, fps.or(own), wanted, notes)
+            Timed { columns, times: None, samples }.into_clip(
+                file,
+                &Options { fps: options.fps.or(own), ..options.clone() },
+                notes,
+            )
         }
         Value::Object(object) => {
             let (times, frames) = by_columns(object).map_err(wrong)?;
-            recorded(file, times, &frames, fps, wanted)
+            recorded(file, times, &frames, options)
         }
         Value::Array(list) => {
             let (times, frames) = by_frames(list).map_err(wrong)?;
-            recorded(file, times, &frames, fps, wanted)
+            recorded(file, times, &frames, options)
         }
         _ => Err(wrong(("a single value".to_string(), EXPECTED.to_string()))),
     }
@@ -88,10 +90,14 @@ fn is_list_of_frames(object: &Map<String, Value>) -> bool {
 }
 
 /// Columns and row-major values.
-fn servo_animation(object: &Map<String, Value>) -> Result<(Vec<String>, Vec<f64>), Wrong> {
+fn servo_animation(
+    object: &Map<String, Value>,
+    values: Option<Values>,
+) -> Result<(Vec<String>, Vec<f64>), Wrong> {
     let expected = || "a number for each servo in each frame".to_string();
     let number =
         |value: &Value| value.as_f64().ok_or_else(|| (quote(value.to_string().as_bytes()), expected()));
+    let unit = if values == Some(Values::Goals) { GOAL } else { Dof::Tx.name() };
     let mut columns: Vec<(String, Vec<f64>)> = Vec::new();
     if let Some(Value::Object(servos)) = object.get("servos") {
         let mut servos: Vec<(&String, &Value)> = servos.iter().collect();
@@ -103,10 +109,10 @@ fn servo_animation(object: &Map<String, Value>) -> Result<(Vec<String>, Vec<f64>
             let positions = positions.ok_or_else(|| (format!("servo {id} without positions"), expected()))?;
             let positions = positions.iter().map(number).collect::<Result<_, _>>()?;
             // What we write has the channel's own name.
-            let name = if has_dof(name) {
+            let name = if split(name).is_some() {
                 name.to_string()
             } else {
-                format!("{name}.{}", if degrees { "rx" } else { "tx" })
+                format!("{name}.{}", if degrees { Dof::Rx.name() } else { unit })
             };
             columns.push((name, positions));
         }
@@ -117,7 +123,7 @@ fn servo_animation(object: &Map<String, Value>) -> Result<(Vec<String>, Vec<f64>
                 return Err((quote(frame.to_string().as_bytes()), expected()));
             };
             for (id, value) in frame {
-                let name = format!("{id}.tx");
+                let name = format!("{id}.{unit}");
                 match columns.iter_mut().find(|(other, _)| *other == name) {
                     Some((_, positions)) => positions.push(number(value)?),
                     None => columns.push((name, vec![number(value)?])),
@@ -135,10 +141,6 @@ fn servo_animation(object: &Map<String, Value>) -> Result<(Vec<String>, Vec<f64>
     let samples = (0..frames).flat_map(|frame| columns.iter().map(move |(_, positions)| positions[frame]));
     let samples = samples.collect();
     Ok((columns.into_iter().map(|(name, _)| name).collect(), samples))
-}
-
-fn has_dof(name: &str) -> bool {
-    name.rsplit_once('.').is_some_and(|(_, word)| Dof::ALL.iter().any(|dof| dof.name() == word))
 }
 
 fn is_time(name: &str) -> bool {
@@ -234,10 +236,9 @@ fn recorded(
     file: &str,
     times: Vec<f64>,
     frames: &[Vec<(String, f64)>],
-    fps: Option<f64>,
-    wanted: Option<f64>,
+    options: &Options,
 ) -> Result<Imported, ImportError> {
-    let columns: Vec<String> =
+    let mut columns: Vec<String> =
         frames.first().map_or_else(Vec::new, |frame| frame.iter().map(|(name, _)| name.clone()).collect());
     for (index, frame) in frames.iter().enumerate() {
         if !frame.iter().map(|(name, _)| name).eq(&columns) {
@@ -249,25 +250,20 @@ fn recorded(
         }
     }
     let mut samples: Vec<f64> = frames.iter().flatten().map(|(_, value)| *value).collect();
-    // A name that says what it is, is in our units already.
-    let open = |name: &String| !has_dof(name) && !name.ends_with("_deg") && !name.ends_with("_rad");
     let width = columns.len().max(1);
-    let values = samples.iter().enumerate().filter(|(index, _)| open(&columns[index % width]));
-    let largest = values.map(|(_, value)| value.abs()).fold(0.0, f64::max);
-    let radians = largest <= TAU;
-    for (index, value) in samples.iter_mut().enumerate() {
-        let name = &columns[index % width];
-        if name.ends_with("_rad") || (radians && open(name)) {
-            *value = value.to_degrees();
-        }
-    }
+    let open = samples.iter().enumerate().filter(|(index, _)| is_open(&columns[index % width]));
+    let largest = open.map(|(_, value)| value.abs()).fold(0.0, f64::max);
+    let guess = if largest <= TAU { Values::Radians } else { Values::Degrees };
     let mut notes = Vec::new();
-    let count = columns.iter().filter(|name| open(name)).count();
-    if count > 0 {
-        let unit = if radians { "radians" } else { "degrees" };
-        notes.push(format!("{count} values taken as {unit}: the greatest is {largest:.2}"));
+    let count = columns.iter().filter(|name| is_open(name)).count();
+    if count > 0 && options.values.is_none() {
+        let unit = if guess == Values::Radians { "radians" } else { "degrees" };
+        notes.push(format!(
+            "{count} values taken as {unit}: the greatest is {largest:.2} (else give --values)"
+        ));
     }
-    Timed { columns, times: Some(times), samples }.into_clip(file, fps, wanted, notes)
+    values::apply(&mut columns, &mut samples, options.values.unwrap_or(guess));
+    Timed { columns, times: Some(times), samples }.into_clip(file, options, notes)
 }
 
 #[cfg(test)]
@@ -283,7 +279,7 @@ mod tests {
         let new = r#"{"description": "Blender Servo Animation Positions", "fps": 24, "frames": 3, "seconds": 0, "bones": 2,
             "armature": "A", "file": "a.blend", "scene": "S", "servos": {
             "0": {"name": "Bone", "positions": [375, 1400, 377]}, "3": {"name": "Bone.001", "positions": [1, 2, 3]}}}"#;
-        let read = parse(new.as_bytes(), "x.json", None, None).expect("an animation");
+        let read = parse(new.as_bytes(), "x.json", &Options::default()).expect("an animation");
         assert_eq!(names(&read), ["Bone.tx", "Bone.001.tx"]);
         assert_eq!(
             (read.clip.motion.fps, &read.clip.motion.samples[..4]),
@@ -291,7 +287,7 @@ mod tests {
         );
         assert_eq!(read.notes.len(), 1);
         let old = r#"{"description": "Blender Servo Animation Positions", "fps": 30, "positions": [{"0": 1472, "1": 5}, {"0": 1477, "1": 6}]}"#;
-        let read = parse(old.as_bytes(), "x.json", None, None).expect("an animation");
+        let read = parse(old.as_bytes(), "x.json", &Options::default()).expect("an animation");
         assert_eq!(
             (names(&read), &*read.clip.motion.samples),
             (vec!["0.tx", "1.tx"], &[1472.0, 5.0, 1477.0, 6.0][..])
@@ -304,7 +300,9 @@ mod tests {
             {"head": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]], "antennas": [0, 1.5], "check_collision": false},
             {"head": [[0,-1,0,0],[1,0,0,0.01],[0,0,1,0],[0,0,0,1]], "antennas": [0, 1.5], "check_collision": false},
             {"head": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]], "antennas": [0, 1.5], "check_collision": true}]}"#;
-        let read = parse(text.as_bytes(), "x.json", None, Some(50.0)).expect("a move");
+        let read =
+            parse(text.as_bytes(), "x.json", &Options { sampled_fps: Some(50.0), ..Options::default() })
+                .expect("a move");
         let expected = ["rz", "ry", "rx", "tx", "ty", "tz"].map(|dof| format!("set_target_data.head.{dof}"));
         let mut found = names(&read);
         found.sort_unstable();
@@ -314,16 +312,38 @@ mod tests {
         assert!((row[channel("set_target_data.head.rz")] - 90.0).abs() < 1e-9);
         assert!((row[channel("set_target_data.head.ty")] - 1.0).abs() < 1e-9);
         assert!((row[channel("set_target_data.antennas.1.rx")] - 1.5_f64.to_degrees()).abs() < 1e-9);
-        assert_eq!(read.notes[0], "2 values taken as radians: the greatest is 1.50");
+        assert_eq!(read.notes[0], "2 values taken as radians: the greatest is 1.50 (else give --values)");
         assert!(read.notes[1].starts_with("the times of the 3 rows are uneven"), "{:?}", read.notes);
 
         let text = r#"[{"t": 0, "joints": {"neck": 10, "jaw_rad": 1}}, {"t": 0.5, "joints": {"neck": -30.5, "jaw_rad": 1}}]"#;
-        let read = parse(text.as_bytes(), "x.json", None, None).expect("a move");
+        let read = parse(text.as_bytes(), "x.json", &Options::default()).expect("a move");
         assert_eq!(read.clip.motion.fps, 2.0);
         let mut found = names(&read);
         found.sort_unstable();
         assert_eq!(found, ["joints.jaw_rad.rx", "joints.neck.rx"]);
-        assert_eq!(read.notes, ["1 values taken as degrees: the greatest is 30.50"]);
+        assert_eq!(read.notes, ["1 values taken as degrees: the greatest is 30.50 (else give --values)"]);
+    }
+
+    #[test]
+    fn the_caller_may_say_the_unit() {
+        let text = r#"[{"t": 0, "neck": 1, "jaw_rad": 1}, {"t": 0.5, "neck": 2, "jaw_rad": 1}]"#;
+        for (values, name, expected) in [
+            (Values::Degrees, "neck.rx", 2.0),
+            (Values::Radians, "neck.rx", 2_f64.to_degrees()),
+            (Values::Goals, "neck.goal", 2.0),
+        ] {
+            let options = Options { values: Some(values), ..Options::default() };
+            let clip = parse(text.as_bytes(), "x.json", &options).expect("a move").clip;
+            let row = clip.motion.frame(1);
+            assert_eq!(row[clip.skeleton.channel(name).expect(name)], expected);
+            let jaw = clip.skeleton.channel("jaw_rad.rx").expect("a jaw");
+            assert_eq!(row[jaw], 1_f64.to_degrees());
+        }
+        let positions = r#"{"fps": 30, "positions": [{"0": 1472}, {"0": 1477}]}"#;
+        let options = Options { values: Some(Values::Goals), ..Options::default() };
+        let read = parse(positions.as_bytes(), "x.json", &options).expect("an animation");
+        assert_eq!(names(&read), ["0.goal"]);
+        assert_eq!(read.notes, ["1 of 1 columns taken as goals of servos"]);
     }
 
     #[test]
@@ -343,7 +363,7 @@ mod tests {
                 "x.json: found 0 positions of 1.tx",
             ),
         ] {
-            let error = parse(text.as_bytes(), "x.json", None, None).expect_err(text).to_string();
+            let error = parse(text.as_bytes(), "x.json", &Options::default()).expect_err(text).to_string();
             assert!(error.starts_with(message), "{error}");
         }
     }

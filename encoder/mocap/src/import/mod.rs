@@ -1,4 +1,4 @@
-//! Import of motion capture: ASF/AMC (Acclaim), BVH (Biovision), tables (CSV), GLB, and moves as JSON.
+//! Import of motion capture: ASF/AMC (Acclaim), BVH (Biovision), tables (CSV), glTF, and moves as JSON.
 
 use std::fs;
 use std::path::Path;
@@ -18,27 +18,18 @@ pub mod json;
 #[cfg(test)]
 mod malformed;
 mod names;
+mod options;
 mod rate;
 mod text;
 mod timed;
 pub mod unit;
+mod values;
 
 pub use error::ImportError;
 pub use imported::Imported;
+pub use options::Options;
 pub use unit::Unit;
-
-/// What the caller knows about a file.
-#[derive(Clone, Debug, Default)]
-pub struct Options<'a> {
-    /// The ASF file that an AMC file needs; for others it is not read.
-    pub skeleton: Option<&'a Path>,
-    /// The unit of length of a file that does not say; without it, it is guessed ([`unit::guess`]).
-    pub unit: Option<Unit>,
-    /// Frames per second, instead of what the file says. No frame is made or left out.
-    pub fps: Option<f64>,
-    /// Frames per second of a file whose rows have uneven times, as recorded moves have: there, frames are made.
-    pub sampled_fps: Option<f64>,
-}
+pub use values::{GOAL, Values};
 
 /// Reads a clip from an AMC or BVH file, without a word about what had to be guessed: [`read`] has it.
 ///
@@ -65,16 +56,16 @@ pub fn read(path: &Path, options: &Options) -> Result<Imported, ImportError> {
     let bytes = read_bytes(path)?;
     match kind(path, &bytes) {
         Some(Kind::Bvh) => read_bvh(&bytes, &file, options),
-        Some(Kind::Csv) => csv::parse(&bytes, &file, options.fps, options.sampled_fps),
+        Some(Kind::Csv) => csv::parse(&bytes, &file, options),
         Some(Kind::Glb) => {
-            let mut imported = glb::parse(&bytes, &file, options.fps.or(options.sampled_fps))?;
+            let mut imported = glb::parse(&bytes, &file, path.parent(), options.fps.or(options.sampled_fps))?;
             // The format says metres; who knows better may say so.
             if let Some(unit) = &options.unit {
                 unit::scale(&mut imported.clip, unit.cm / 100.0);
             }
             Ok(imported)
         }
-        Some(Kind::Json) => json::parse(&bytes, &file, options.fps, options.sampled_fps),
+        Some(Kind::Json) => json::parse(&bytes, &file, options),
         Some(Kind::Amc) => {
             text::check(&bytes, &file, "an AMC file")?;
             let Some(skeleton) = options.skeleton else { return Err(ImportError::NoSkeleton { file }) };
@@ -150,7 +141,7 @@ fn kind(path: &Path, bytes: &[u8]) -> Option<Kind> {
         Some(Kind::Bvh)
     } else if has_extension(path, "csv") {
         Some(Kind::Csv)
-    } else if has_extension(path, "glb") || bytes.starts_with(b"glTF") {
+    } else if has_extension(path, "glb") || has_extension(path, "gltf") || bytes.starts_with(b"glTF") {
         Some(Kind::Glb)
     } else if has_extension(path, "json") {
         Some(Kind::Json)

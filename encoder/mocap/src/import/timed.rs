@@ -3,7 +3,9 @@
 use super::error::ImportError;
 use super::imported::Imported;
 use super::names::Names;
+use super::options::Options;
 use super::rate;
+use super::values::{self, GOAL};
 use crate::angles::IDENTITY;
 use crate::clip::Clip;
 use crate::motion::Motion;
@@ -23,7 +25,7 @@ pub(super) struct Timed {
 const MOST_FRAMES: f64 = 8.64e6;
 
 impl Timed {
-    /// The clip of these rows. Where their times are uneven, frames are made at `wanted` frames a second, else at the whole
+    /// The clip of these rows. Where their times are uneven, frames are made at the rate in the options, else at the whole
     /// number nearest to the median of the rows' own, and between two rows a value is linear.
     ///
     /// # Errors
@@ -31,11 +33,11 @@ impl Timed {
     pub(super) fn into_clip(
         self,
         file: &str,
-        given: Option<f64>,
-        wanted: Option<f64>,
+        options: &Options,
         mut notes: Vec<String>,
     ) -> Result<Imported, ImportError> {
         let Self { columns, times, samples } = self;
+        let (given, wanted) = (options.fps, options.sampled_fps);
         let wrong = |found: &str, expected: &str| ImportError::File {
             file: file.to_string(),
             found: found.to_string(),
@@ -109,17 +111,22 @@ fn sample_at(motion: &Motion, times: &[f64], fps: f64) -> Motion {
 /// Joints without parents, but for the first, which all hang on: nothing says more. Each has a bone of 10 cm across all
 /// three axes, so that an error of a degree is one of 0.14 cm.
 fn flat_skeleton(columns: &[String], notes: &mut Vec<String>) -> Skeleton {
-    let split = |column: &str| {
-        let (joint, word) = column.rsplit_once('.').unwrap_or((column, ""));
-        let dof = Dof::ALL.into_iter().find(|dof| word.eq_ignore_ascii_case(dof.name()));
-        dof.map_or_else(|| (column.to_string(), Dof::Rx), |dof| (joint.to_string(), dof))
+    // A number of goals that jumps is no turn.
+    let split = |column: &str| match values::split(column) {
+        Some((joint, word)) if word.eq_ignore_ascii_case(GOAL) => (joint.to_string(), Dof::Tx, GOAL),
+        Some((joint, word)) => {
+            let dof = Dof::ALL.into_iter().find(|dof| word.eq_ignore_ascii_case(dof.name()));
+            let dof = dof.unwrap_or(Dof::Rx);
+            (joint.to_string(), dof, dof.name())
+        }
+        None => (column.to_string(), Dof::Rx, Dof::Rx.name()),
     };
     let bone = 10.0 / 3_f64.sqrt();
     let mut names = Names::default();
     let (mut joints, mut channels): (Vec<Joint>, Vec<Channel>) = (Vec::new(), Vec::new());
     let mut given = String::new();
     for (index, column) in columns.iter().enumerate() {
-        let (found, dof) = split(column);
+        let (found, dof, word) = split(column);
         let again = channels
             .iter()
             .rev()
@@ -143,14 +150,13 @@ fn flat_skeleton(columns: &[String], notes: &mut Vec<String>) -> Skeleton {
         if dof.is_rotation() {
             joints[joint].rotations.push(index);
         }
-        channels.push(Channel {
-            name: format!("{}.{}", joints[joint].name, dof.name()),
-            dof,
-            joint,
-            limits: None,
-        });
+        channels.push(Channel { name: format!("{}.{word}", joints[joint].name), dof, joint, limits: None });
     }
     names.tell(notes);
+    let goals = channels.iter().filter(|channel| channel.name.ends_with(&format!(".{GOAL}"))).count();
+    if goals > 0 {
+        notes.push(format!("{goals} of {} columns taken as goals of servos", channels.len()));
+    }
     Skeleton { joints, channels, origin: Origin::Table }
 }
 
@@ -168,7 +174,7 @@ mod tests {
     fn steady_times_are_a_rate() {
         let times: Vec<f64> =
             (0..50).map(|row| 7.0 + (f64::from(row) / 29.97 * 1000.0).round() / 1000.0).collect();
-        let read = timed(&times).into_clip("x.csv", None, None, Vec::new()).expect("a clip");
+        let read = timed(&times).into_clip("x.csv", &Options::default(), Vec::new()).expect("a clip");
         assert_eq!((read.clip.motion.fps, read.clip.motion.frames()), (30_000.0 / 1001.0, 50));
         assert_eq!(read.notes, Vec::<String>::new());
         let names: Vec<&str> =
@@ -180,7 +186,7 @@ mod tests {
     #[test]
     fn uneven_times_are_sampled_and_told() {
         let read = timed(&[0.0, 0.02, 0.03, 0.05, 0.07, 0.1])
-            .into_clip("x.csv", None, None, Vec::new())
+            .into_clip("x.csv", &Options::default(), Vec::new())
             .expect("a clip");
         assert_eq!((read.clip.motion.fps, read.clip.motion.frames()), (50.0, 6));
         for (frame, row) in read.clip.motion.iter().enumerate() {
@@ -189,15 +195,16 @@ mod tests {
         let note =
             "the times of the 6 rows are uneven (0.0100 to 0.0300 s apart): sampled at 50 frames a second";
         assert_eq!(read.notes, [note]);
-        let wanted =
-            timed(&[0.0, 0.02, 0.03, 0.1]).into_clip("x.csv", None, Some(25.0), Vec::new()).expect("a clip");
+        let options = Options { sampled_fps: Some(25.0), ..Options::default() };
+        let wanted = timed(&[0.0, 0.02, 0.03, 0.1]).into_clip("x.csv", &options, Vec::new()).expect("a clip");
         assert_eq!((wanted.clip.motion.fps, wanted.clip.motion.frames()), (25.0, 3));
     }
 
     #[test]
     fn times_that_do_not_ascend_are_refused() {
-        let error =
-            timed(&[0.0, 0.2, 0.1]).into_clip("x.csv", None, None, Vec::new()).expect_err("a time back");
+        let error = timed(&[0.0, 0.2, 0.1])
+            .into_clip("x.csv", &Options::default(), Vec::new())
+            .expect_err("a time back");
         assert_eq!(
             error.to_string(),
             "x.csv: found time 0.1 of row 3 behind 0.2, expected times that ascend"

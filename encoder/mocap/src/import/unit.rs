@@ -19,8 +19,9 @@ pub struct Unit {
 }
 
 /// Names that are read, the plural, and centimetres.
-const UNITS: [(&str, &str, f64); 6] = [
+const UNITS: [(&str, &str, f64); 7] = [
     ("m", "metres", 100.0),
+    ("dm", "decimetres", 10.0),
     ("cm", "centimetres", 1.0),
     ("mm", "millimetres", 0.1),
     ("inch", "inches", 2.54),
@@ -30,13 +31,15 @@ const UNITS: [(&str, &str, f64); 6] = [
 
 /// The units that are guessed, and with which heights of the figure in centimetres. Metres, centimetres and millimetres are
 /// far apart, and figures without legs or children are told too; inches and the CMU's unit are near the centimetre, where a
-/// small puppet would be taken for a person, so that only an adult's height tells. Feet are rare.
-const GUESSED: [(&str, f64, f64); 5] = [
+/// small puppet would be taken for a person, so that only an adult's height tells. So are decimetres, which MakeHuman has.
+/// Retargeted figures in the CMU's unit are down to 1.4 m tall, and no other unit has an adult there. Feet are rare.
+const GUESSED: [(&str, f64, f64); 6] = [
     ("m", 80.0, 270.0),
     ("cm", 80.0, 270.0),
     ("mm", 80.0, 270.0),
+    ("dm", 142.0, 210.0),
     ("inch", 142.0, 210.0),
-    ("cmu", 142.0, 210.0),
+    ("cmu", 130.0, 210.0),
 ];
 
 /// Height of a person, in centimetres, to which a guess comes nearest.
@@ -52,10 +55,10 @@ impl Unit {
 impl FromStr for Unit {
     type Err = String;
 
-    /// `m`, `cm`, `mm`, `inch` or `in`, `ft`, `cmu`, and any of them with a number before: `2.5cm`.
+    /// `m`, `dm`, `cm`, `mm`, `inch` or `in`, `ft`, `cmu`, and any of them with a number before: `2.5cm`.
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong =
-            || format!("found {text:?}, expected m, cm, mm, inch, ft, cmu, or a length such as 2.5cm");
+            || format!("found {text:?}, expected m, dm, cm, mm, inch, ft, cmu, or a length such as 2.5cm");
         let word = text.trim_start_matches(|letter: char| letter.is_ascii_digit() || letter == '.');
         let number = &text[..text.len() - word.len()];
         let number: f64 = if number.is_empty() { 1.0 } else { number.parse().map_err(|_| wrong())? };
@@ -202,6 +205,7 @@ mod tests {
         for (text, cm) in [
             ("m", 100.0),
             ("CM", 1.0),
+            ("dm", 10.0),
             ("mm", 0.1),
             ("in", 2.54),
             ("inch", 2.54),
@@ -213,7 +217,7 @@ mod tests {
         }
         for text in ["", "1", "yard", "0cm", "1.2.3m", "-1m", "auto"] {
             let error = text.parse::<Unit>().expect_err(text);
-            assert!(error.starts_with(&format!("found {text:?}, expected m, cm")), "{error}");
+            assert!(error.starts_with(&format!("found {text:?}, expected m, dm, cm")), "{error}");
         }
     }
 

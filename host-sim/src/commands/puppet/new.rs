@@ -1,6 +1,6 @@
 //! `bunraku puppet new`.
 
-use super::super::input::Source;
+use super::super::input::Recording;
 use anyhow::{Result, bail};
 use firmware::map::BusKind;
 use host_sim::files;
@@ -18,10 +18,10 @@ use std::process::ExitCode;
     after_help = "Examples:\n  bunraku puppet new walk.bvh -o puppet.toml\n  bunraku puppet new 02_01.amc --skeleton 02.asf --joints head,arms --kind sts -o puppet.toml\n  bunraku puppet new walk.bvh --servos 6 -o puppet.toml"
 )]
 pub struct Args {
-    /// The recording: .bvh or .amc.
+    /// The recording: .bvh, .amc, .glb or .gltf.
     input: PathBuf,
     #[command(flatten)]
-    source: Source,
+    recording: Recording,
     /// The parts that the puppet has: head, arms, legs, waist; all unless given.
     #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = group)]
     joints: Vec<Group>,
@@ -54,7 +54,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     if args.output.exists() && !args.force {
         bail!("{} is there already: name another file, or write over it with --force", args.output.display());
     }
-    let clip = args.source.load(&args.input)?;
+    let clip = args.recording.load(&args.input)?;
     let wish = Wish {
         groups: if args.joints.is_empty() { Group::ALL.to_vec() } else { args.joints },
         // A PCA9685 has so many outputs.
@@ -72,7 +72,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
     let text = text(&proposal, &name);
     // What we write is read before it is there.
     Puppet::parse(&args.output, text.clone())?;
-    files::write(&args.output, |file| Ok(file.write_all(text.as_bytes())?))?;
+    files::write_over(&args.output, args.force, |file| Ok(file.write_all(text.as_bytes())?))?;
     for note in &proposal.notes {
         eprintln!("bunraku: {}: {note}", args.input.display());
     }

@@ -8,14 +8,16 @@
 //! 4. Each joint's range is that of its values and a margin, within what the kind of servo can. Its speed is the
 //!    highest of the recording and a margin, at most what a usual servo can.
 
+mod figure;
 mod proposal;
 mod propose;
 mod servo;
 mod text;
 mod unit;
 
+pub use figure::Figure;
 pub use proposal::{Joint, Proposal, Proposed, Wish};
-pub use propose::propose;
+pub use propose::{FOUR_LEGS, propose};
 pub use servo::Servo;
 pub use text::text;
 pub use unit::{Axis, Group, Unit};

@@ -1,5 +1,6 @@
 //! What is asked for, and what is proposed.
 
+use super::figure::Figure;
 use super::servo::Servo;
 use super::unit::{Group, Unit};
 use firmware::map::BusKind;
@@ -46,6 +47,8 @@ pub struct Proposed {
 /// A first puppet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
+    /// The figure that it was made of.
+    pub figure: Figure,
     /// The servo that all joints have.
     pub servo: Servo,
     /// In the order in which they are written.

@@ -1,11 +1,12 @@
 //! From a recording to a proposal.
 
+use super::figure::Figure;
 use super::proposal::{Joint, Proposal, Proposed, Wish};
 use super::servo::Servo;
 use super::unit::Unit;
 use anyhow::{Result, bail};
-use fit::{Bones, Fitted, Follows, Plan, Turn};
-use mocap::body::{Body, FoundBy, Part};
+use fit::{BoneReport, Bones, Fitted, Follows, Plan, Pole, Turn};
+use mocap::body::{Body, FoundBy, Part, goes_on_four_legs};
 use mocap::survey::Survey;
 use mocap::{Clip, Motion};
 
@@ -21,8 +22,15 @@ const SLOWEST: f64 = 60.0;
 /// Frames that may be beyond a range, of all: 0.1 %. A single wrong frame in a recording does not make a range.
 const BEYOND: f64 = 0.001;
 
+/// A bone that is further off near the axis of its first servo is told, in degrees.
+const POLE: f64 = 10.0;
+
 /// A joint that turns by less in the whole recording stands still, in degrees.
 const STILL: f64 = 1.0;
+
+/// What is said of a figure that is no person.
+pub const FOUR_LEGS: &str = "the figure goes on four legs, and parts are named as a person's: \"upper arm\", \"forearm\" and \
+    \"hand\" are those of its forelegs. Joints are at 0 where it would stand as a person in a T-pose";
 
 /// Proposes a puppet for the figure of this recording.
 ///
@@ -51,6 +59,9 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
         .collect();
     if !guessed.is_empty() {
         notes.push(format!("guessed by the figure's shape, since names do not say: {}", guessed.join(", ")));
+    }
+    if goes_on_four_legs(clip, &body) {
+        notes.push(FOUR_LEGS.to_owned());
     }
     let mut units = all;
     units.retain(|unit| wish.groups.contains(&unit.group));
@@ -91,7 +102,9 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
         units = choose(&first, units, servos, &mut notes)?;
     }
     choose_axes(clip, &body, &mut units, &servo, &mut notes);
-    let mut values = values(&fitted(clip, &body, &units, &servo)).into_iter();
+    let last = fitted(clip, &body, &units, &servo);
+    notes.extend(last.report.bones.iter().filter_map(pole));
+    let mut values = values(&last).into_iter();
     let mut proposed = Vec::new();
     for unit in units {
         let joints = unit.axes.iter().zip(&mut values);
@@ -113,12 +126,13 @@ pub fn propose(clip: &Clip, wish: &Wish) -> Result<Proposal> {
             fast.join(", ")
         ));
     }
-    Ok(Proposal { servo, units: proposed, notes })
+    let figure = Figure::of(clip, &last.report.twists);
+    Ok(Proposal { servo, units: proposed, figure, notes })
 }
 
 /// The recording on these units, where each joint may go as far as a human's, as fast as the servo can.
 fn fitted(clip: &Clip, body: &Body, units: &[Unit], servo: &Servo) -> Fitted {
-    let mut plan = Plan { joints: Vec::new(), chains: Vec::new() };
+    let mut plan = Plan { joints: Vec::new(), chains: Vec::new(), twists: Vec::new() };
     for unit in units {
         let Some(bone) = body.joint(unit.bone) else { continue };
         let bones = Bones { bone, against: body.joint(unit.against) };
@@ -148,6 +162,20 @@ fn fitted(clip: &Clip, body: &Body, units: &[Unit], servo: &Servo) -> Fitted {
 fn values(fitted: &Fitted) -> Vec<Vec<f64>> {
     let motion = &fitted.clip.motion;
     (0..motion.channels).map(|channel| motion.iter().map(|frame| frame[channel]).collect()).collect()
+}
+
+/// What is told of a bone that two servos cannot follow where it points along the axis of the first one.
+fn pole(bone: &BoneReport) -> Option<String> {
+    let pole = bone.pole.filter(|pole| pole.worst == bone.worst && bone.worst > POLE)?;
+    Some(format!(
+        "{}: in {:.1} % of the frames {} points along the axis of the first one, to within {:.0} degrees, where two servos cannot \
+         follow: up to {:.0} degrees off. A third servo in the chain can",
+        bone.joints.join(" and "),
+        100.0 * pole.frames,
+        bone.bone,
+        Pole::NEAR,
+        bone.worst
+    ))
 }
 
 /// How far a unit's bone is from where it was recorded, in degrees: the mean over all frames.

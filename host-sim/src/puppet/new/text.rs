@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 /// The puppet.toml. `source` names the recording.
 pub fn text(proposal: &Proposal, source: &str) -> String {
-    let Proposal { servo, units, notes } = proposal;
+    let Proposal { servo, units, figure, notes } = proposal;
     let count: usize = units.iter().map(|unit| unit.joints.len()).sum();
     let mut text = format!(
         "# A first puppet for the figure of {source}: {count} servos. `bunraku puppet new` wrote it.\n\
@@ -34,6 +34,11 @@ pub fn text(proposal: &Proposal, source: &str) -> String {
             servo.kind.name(),
             servo.baud
         );
+    }
+    if let Some(figure) = figure.text() {
+        text += "\n# How the limbs of the recorded figure are twisted about themselves in the T-pose, in degrees, as this recording\n\
+                 # shows it. Other recordings of the figure then have the same zeros.\n";
+        text += &figure;
     }
     // The outputs of a board are counted from 0.
     let mut id = u16::from(!matches!(servo.kind, BusKind::Pwm | BusKind::Pca9685));
