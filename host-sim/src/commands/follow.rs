@@ -88,14 +88,14 @@ pub fn run(args: Args) -> Result<ExitCode> {
         let served = puppet_servos::read(path)?;
         let now = || clock.now();
         let buses = virtual_buses::open(&map, &served, &now).context("--on host")?;
-        ports::follow(&listen(&args)?, lost_millis, &map, &names, buses, &clock, asked_to_end()?, say)
+        ports::follow(&listen(&args)?, lost_millis, (&map, &names), buses, &clock, asked_to_end()?, say)
     } else {
         let paths = ports::paths(&args.on, &bus_names, |_| true)?;
         let mut buses = ports::open_each(&map, &paths)?;
         let warn = &mut |line: &str| eprintln!("bunraku: {line}");
         ports::block_on(settings::check_before_arming(&mut buses, &map, &puppet, &args.on, warn))?;
         let buses = ports::join(&map, buses)?;
-        ports::follow(&listen(&args)?, lost_millis, &map, &names, buses, &clock, asked_to_end()?, say)
+        ports::follow(&listen(&args)?, lost_millis, (&map, &names), buses, &clock, asked_to_end()?, say)
     }?;
     if let Some(log) = &args.log {
         write_log(log, &played.recording, &bus_names)?;

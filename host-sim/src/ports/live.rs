@@ -77,7 +77,7 @@ pub fn play(
 ) -> Result<Played> {
     performance.with_machine(map, |machine| {
         let names = performance.names.or_ids(map);
-        Ok(perform(machine, &names, bus, clock, asked, performance.torque_off, say, &mut |_| None))
+        Ok(perform(machine, (&names, performance.torque_off), bus, clock, asked, say, &mut |_| None))
     })
 }
 
@@ -89,8 +89,7 @@ pub fn play(
 pub fn follow(
     input: &Receiver<Vec<u8>>,
     lost_millis: u16,
-    map: &Map,
-    names: &JointNames,
+    (map, names): (&Map, &JointNames),
     bus: impl ServoBus,
     clock: &impl Clock,
     asked: &AtomicUsize,
@@ -113,7 +112,7 @@ pub fn follow(
     };
     let show = Show { playlist: &[0], ..Show::default() };
     let machine = Machine::new(&map, SingleClip::<_>::new(follow.frames(), None), show, Start::Power);
-    let played = perform(machine, names, bus, clock, asked, false, say, &mut tick);
+    let played = perform(machine, (names, false), bus, clock, asked, say, &mut tick);
     Ok((played, follow.counters()))
 }
 
@@ -123,11 +122,10 @@ type EachTick<'t> = dyn FnMut(&mut dyn FnMut(Told<'_>)) -> Option<Command> + 't;
 /// Performs what a machine has been told to.
 fn perform<L: Library>(
     mut machine: Machine<'_, L, MAX_SERVOS>,
-    names: &JointNames,
+    (names, torque_off): (&JointNames, bool),
     bus: impl ServoBus,
     clock: &impl Clock,
     asked: &AtomicUsize,
-    torque_off: bool,
     say: &mut dyn FnMut(Told<'_>),
     each_tick: &mut EachTick<'_>,
 ) -> Played {
