@@ -115,8 +115,7 @@ fn follow(late: Duration) -> Followed {
     let ended = ports::follow(
         &receiver,
         1500,
-        &map,
-        &JointNames::ids(&map),
+        (&map, &JointNames::ids(&map)),
         bus,
         &clock,
         &AtomicUsize::new(0),

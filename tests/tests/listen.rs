@@ -155,8 +155,7 @@ fn follow(
     let (played, counters) = ports::follow(
         &input,
         1500,
-        &map,
-        &JointNames::ids(&map),
+        (&map, &JointNames::ids(&map)),
         buses,
         &clock,
         &AtomicUsize::new(0),
@@ -301,7 +300,7 @@ fn an_end_that_is_asked_for_brings_every_bus_home() {
         }
     };
     let (played, _) =
-        ports::follow(&input, 0, &map, &JointNames::ids(&map), buses, &clock, &asked, &mut say).unwrap();
+        ports::follow(&input, 0, (&map, &JointNames::ids(&map)), buses, &clock, &asked, &mut say).unwrap();
     assert_eq!((played.failed, format!("{:?}", played.state)), (None, "Resting".to_owned()));
     let last: Vec<i32> =
         played.recording.goals.iter().rev().take(12).rev().map(|goal| goal.position).collect();

@@ -121,6 +121,9 @@ pub(crate) struct TestServo {
     pub(crate) temperature: u8,
 }
 
+/// What a motor does with its goal.
+pub(crate) type Odd = fn(&mut TestServo, i32);
+
 pub(crate) struct TestPuppet<'m> {
     pub(crate) machine: Machine<'m, FormulaClips, 4>,
     pub(crate) motors: [TestServo; SERVOS],
@@ -140,7 +143,7 @@ pub(crate) struct TestPuppet<'m> {
     pub(crate) tick: u32,
     pub(crate) watched: Option<u16>,
     /// A motor that does something else with its goal than to go there at once.
-    pub(crate) odd: Option<(usize, fn(&mut TestServo, i32))>,
+    pub(crate) odd: Option<(usize, Odd)>,
     /// Whether motors forget their turns as their torque comes on, as in position mode.
     pub(crate) wraps: bool,
 }

@@ -6,7 +6,7 @@ use crate::fault::Fault;
 use crate::map::{Joint, JointMap, Policy, Settings};
 
 /// Ticks of a puppet whose second servo does something else than it is told, until it rests, and its fault.
-fn play<'m>(map: &'m JointMap<4>, at: [i32; SERVOS], odd: fn(&mut TestServo, i32)) -> (TestPuppet<'m>, u32) {
+fn play<'m>(map: &'m JointMap<4>, at: [i32; SERVOS], odd: Odd) -> (TestPuppet<'m>, u32) {
     let mut puppet = TestPuppet::new(map, show(), at);
     puppet.odd = Some((1, odd));
     let ticks = puppet.until(4000, |puppet| puppet.machine.at_rest());
@@ -42,7 +42,7 @@ fn a_shaft_that_stands_is_a_fault_in_time_and_is_not_pushed() {
 #[test]
 fn a_servo_that_runs_away_or_stops_short_is_a_fault() {
     let map = map(Settings::new(HZ));
-    let odd: [fn(&mut TestServo, i32); 2] =
+    let odd: [Odd; 2] =
         [|servo, _| servo.position += 3, |servo, goal| servo.position = goal.clamp(1990, 2010)];
     for odd in odd {
         let (puppet, _) = play(&map, [2000; 3], odd);
@@ -53,7 +53,7 @@ fn a_servo_that_runs_away_or_stops_short_is_a_fault() {
 #[test]
 fn servos_that_are_slow_or_late_are_no_fault() {
     let map = map(Settings::new(HZ));
-    let odd: [fn(&mut TestServo, i32); 3] = [
+    let odd: [Odd; 3] = [
         // As slow as 26° a second, of a joint that may do 530.
         |servo, goal| servo.position += (goal - servo.position).clamp(-3, 3),
         // It comes no nearer than 9°, as under a load.
