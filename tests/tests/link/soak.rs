@@ -86,7 +86,7 @@ impl Host<'_> {
                 if self.step > 900 {
                     (self.step, self.streams) = (0, self.streams + 1);
                 }
-                (self.step % 25 == 0).then_some(Request::Alive)
+                self.step.is_multiple_of(25).then_some(Request::Alive)
             }
             _ if self.free == 0 && self.step > 8 => Some(Request::Packet { bytes: &[] }),
             _ => {
