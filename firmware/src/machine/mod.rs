@@ -28,6 +28,7 @@ mod tests_of_playing;
 #[cfg(test)]
 mod tests_off_goal;
 mod tick_output;
+mod watched;
 
 pub use crate::show::{After, Show};
 pub use command::Command;

@@ -1,9 +1,9 @@
 //! The state machine itself; the way up from power on is in `start`, servos that are silent in `lost_servos`.
 
 use super::command::Command;
-use super::off_goal::Watched;
 use super::state::{Start, State};
 use super::tick_output::{Action, TickOutput};
+use super::watched::Watched;
 use crate::collect::{collect, numbered};
 use crate::fault::{Fault, FaultDetector, Feedback};
 use crate::idle::{IdleLayer, IdlePose};
