@@ -95,6 +95,11 @@ impl Drop for Page {
     }
 }
 
+/// A copy that may be written over, whatever its source may.
+fn copy(from: &Path, to: &Path) {
+    fs::write(to, fs::read(from).unwrap()).unwrap();
+}
+
 impl Page {
     /// A folder with recorded motion, the puppets, and clips as other pages make them.
     fn new(motion: &Path) -> Self {
@@ -104,10 +109,10 @@ impl Page {
         symlink(motion.join("cmu"), to("cmu")).unwrap();
         for entry in fs::read_dir(motion.join("cmu")).unwrap() {
             let entry = entry.unwrap();
-            fs::copy(entry.path(), folder.path().join(entry.file_name())).unwrap();
+            copy(&entry.path(), &folder.path().join(entry.file_name()));
         }
         // A copy: a page writes a file of this name, and links are followed.
-        fs::copy(motion.join("bvh/cmu_02_02_cgspeed.bvh"), to("walk.bvh")).unwrap();
+        copy(&motion.join("bvh/cmu_02_02_cgspeed.bvh"), &to("walk.bvh"));
         let mut page = Self { folder, running: vec![], servos: None, device: None };
         for line in [
             "bunraku encode 02_01.amc --skeleton 02.asf --codec qmd -o walk.qmd",
