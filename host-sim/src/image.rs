@@ -131,12 +131,12 @@ fn workspace(source: &str) -> Result<&'static Path> {
     Ok(folder)
 }
 
-/// Writes a file unless it is there already, so that cargo builds no more than it must.
+/// Writes a file of ours, over one of any kind, unless the same is there already, so that cargo builds no more than it must.
 fn put(path: &Path, bytes: &[u8]) -> Result<()> {
     if fs::read(path).is_ok_and(|there| there == bytes) {
         return Ok(());
     }
-    files::write(path, |file| Ok(file.write_all(bytes)?))
+    files::write_over(path, true, |file| Ok(file.write_all(bytes)?))
 }
 
 /// The cargo that runs us, or else the one on the path.
