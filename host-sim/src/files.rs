@@ -29,7 +29,7 @@ pub fn write(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> R
     write_over(path, false, write)
 }
 
-/// As [`write`], but over a file of `any_kind` where that was asked for.
+/// As [`write()`], but over a file of `any_kind` where that was asked for.
 ///
 /// # Errors
 /// A sentence that names the file.
@@ -80,7 +80,7 @@ pub fn write_over(
     done
 }
 
-/// Opens a file that is written while the command goes on, under the same rules as [`write`]; `start` is what it begins with.
+/// Opens a file that is written while the command goes on, under the same rules as [`write()`]; `start` is what it begins with.
 ///
 /// # Errors
 /// A sentence that names the file.

@@ -126,7 +126,7 @@ impl Puppet {
                 None => fallback.policy,
             },
             ease_millis: scaled(&file.ease_seconds, 1000.0, seconds, fallback.ease_millis),
-            ease_velocity: scaled(&file.ease_speed, 256.0, [1.0 / 256.0, 1.0], fallback.ease_velocity),
+            ease_velocity: scaled(&file.ease_speed, 256.0, [0.004, 1.0], fallback.ease_velocity),
             fade_millis: scaled(&file.fade_seconds, 1000.0, seconds, fallback.fade_millis),
             temperature_limit: file.temperature_limit.unwrap_or(fallback.temperature_limit),
             min_millivolts: scaled(&file.min_volts, 1000.0, [0.0, 60.0], fallback.min_millivolts),
@@ -297,8 +297,8 @@ mod tests {
         assert_eq!(*with(all).unwrap().settings(), expected);
         let errors = [
             ("", "expected `baud`"),
-            ("baud = 1\nease_speed = 2", "line 3, key \"ease_speed\": found 2, expected 0 to 1"),
-            ("baud = 1\nease_speed = 0", "the velocity of easing is 0/256"),
+            ("baud = 1\nease_speed = 2", "line 3, key \"ease_speed\": found 2, expected 0.004 to 1"),
+            ("baud = 1\nease_speed = 0", "found 0, expected 0.004 to 1"),
             ("baud = 1\non_fault = 'panic'", "unknown variant `panic`"),
             ("baud = 1\n[[bus]]\nname = 'a'\nkind = 'sts'\nbaud = 1", "has the `baud` there"),
             ("[[bus]]\nname = 'a'\nkind = 'sts'\nbaud = 0", "line 5, key \"baud\": found 0"),
@@ -345,7 +345,9 @@ mod tests {
         let mistakes = |chains: &str, joints: &[&str]| {
             let mut text = format!("servo_hz = 50\nbaud = 1\n{chains}");
             for (id, line) in joints.iter().enumerate() {
-                text += &format!("[[joint]]\n{}", joint(id, line));
+                // Each joint about another axis than the one before it.
+                let axis = if id % 2 == 0 { "[0, 0, -2]" } else { "[0, 1, 0]" };
+                text += &format!("[[joint]]\n{}", joint(id, &line.replace("[0, 0, -2]", axis)));
             }
             let puppet = Puppet::parse(Path::new("puppet.toml"), text).unwrap();
             let mistakes = puppet.channels().map(|channels| puppet.check(channels)).unwrap();

@@ -29,7 +29,9 @@ impl Puppet {
         let map = self.channels().map_err(|mistake| vec![mistake]).and_then(|own| self.check(own))?;
         let mut mistakes = Mistakes::default();
         let figure = Figure { skeleton, body: Body::of(skeleton), channels: Channels::from(skeleton) };
-        let chains = self.file.chain.iter().filter_map(|chain| {
+        // A table has no bones, and needs none for joints whose columns it has.
+        let of_bones = self.file.chain.iter().filter(|_| !figure.is_table());
+        let chains = of_bones.filter_map(|chain| {
             let bones = mistakes.note(figure.bones(self, &chain.bone, &chain.against))?;
             Some(fit::Chain { name: chain.name.get_ref().clone(), bones })
         });
@@ -94,6 +96,9 @@ impl Puppet {
         if let (Some(name), Some(axis)) = (&entry.chain, &entry.axis)
             && let Some(chain) = self.chain_number(name.get_ref())
         {
+            if figure.is_table() {
+                return Err(self.wrong(name, Problem::NoBones));
+            }
             return Ok(Follows::Chain { chain, axis: axis.get_ref().0 });
         }
         let turn = |turn: &TurnEntry| {
@@ -113,10 +118,15 @@ struct Figure<'s> {
 }
 
 impl Figure<'_> {
+    /// Whether it has columns alone.
+    fn is_table(&self) -> bool {
+        self.skeleton.origin == Origin::Table
+    }
+
     /// The column of a table that is named as the joint: in goals, or, where the joint follows no other column, in the joint's
     /// own unit.
     fn column_of(&self, entry: &JointEntry, joint: &map::Joint, own: &str) -> Option<Follows> {
-        if self.skeleton.origin != Origin::Table {
+        if !self.is_table() {
             return None;
         }
         let column = |name: &str| Some(self.channels.find(name).ok()?.0);
@@ -134,7 +144,7 @@ impl Figure<'_> {
         bone: &Spanned<String>,
         against: &Spanned<String>,
     ) -> Result<Bones, Error> {
-        if self.skeleton.origin == Origin::Table {
+        if self.is_table() {
             return Err(puppet.wrong(bone, Problem::NoBones));
         }
         let find = |name: &Spanned<String>| {
@@ -209,6 +219,29 @@ mod tests {
         assert_eq!((&own[1].follows, own[1].offset), (&Follows::Channel(1), 0.0));
         let error = plan("shoulder,jaw").unwrap_err().remove(0).to_string();
         assert!(error.contains("name a column as the joint"), "{error}");
+    }
+
+    #[test]
+    fn a_table_needs_no_bones_for_the_joints_of_a_chain_that_it_has() {
+        let chain = "[[chain]]\nname = 'head'\nbone = 'head'\nagainst = 'chest'\n";
+        let joint = |name: &str, id: u8, axis: &str| {
+            let joint = ELBOW.replace("elbow", name).replace("id = 3", &format!("id = {id}"));
+            joint + &format!("chain = 'head'\naxis = '{axis}'\n")
+        };
+        let text =
+            format!("servo_hz = 50\nbaud = 1\n{chain}{}{}", joint("pan", 3, "y"), joint("tilt", 4, "x"));
+        let puppet = Puppet::parse(Path::new("p.toml"), text).unwrap();
+        let plan = |header: &str| {
+            let text = format!("time,{header}\n0,1,2\n0.1,1,2\n");
+            let read =
+                mocap::import::csv::parse(text.as_bytes(), "x.csv", &mocap::import::Options::default());
+            puppet.plan(&read.unwrap().clip)
+        };
+        let found = plan("pan.goal,tilt.goal").unwrap();
+        assert!(found.chains.is_empty() && found.joints.len() == 2, "{found:?}");
+        let mistakes = plan("pan.goal,nod.goal").unwrap_err();
+        let [error] = mistakes.as_slice() else { panic!("{mistakes:?}") };
+        assert!(error.to_string().contains("line 19, key \"chain\": a table has columns"), "{error}");
     }
 
     #[test]
