@@ -14,7 +14,7 @@ import time
 import zlib
 
 STATES = (
-    "finding reading arming opening easing playing stopping holding returning resting limp paused".split()
+    "finding reading arming opening easing playing stopping holding returning resting limp paused letting-go".split()
 )
 # Numbers of requests, commands, responses and refusals.
 HELLO, ALIVE, COMMAND, TELEMETRY, HOLD, CLIP, BEGIN, DATA, COMMIT, ABANDON, REMOVE = range(11)
