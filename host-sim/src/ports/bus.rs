@@ -19,6 +19,10 @@ use servo_wire::{dynamixel, protocol1};
 /// What a USB adapter and an operating system may be late, in microseconds: 16 ms are the usual latency timer.
 pub const SLACK_US: u32 = 20_000;
 
+/// How often a servo is asked that does not answer, where no tick waits for it. An answer may be lost, and a busy computer
+/// may be late for several of them: a third of a second in all.
+pub const TRIES: usize = 15;
+
 /// Longest that servos wait before they answer as they leave the factory, in microseconds.
 pub const RETURN_DELAY_US: u32 = 500;
 

@@ -1,10 +1,9 @@
 //! Setting servos right.
 
 use super::judge::Mismatch;
-use super::read::TRIES;
 use super::survey::Found;
 use super::table::{Register, Role, eeprom_end, registers};
-use crate::ports::SerialBus;
+use crate::ports::{SerialBus, TRIES};
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::{Read, Write};
 use firmware::map::BusKind;

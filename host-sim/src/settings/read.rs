@@ -1,14 +1,11 @@
 //! Reading the settings of a servo.
 
 use super::table::{Register, Role, blocks, registers};
-use crate::ports::{Identity, SerialBus};
+use crate::ports::{Identity, SerialBus, TRIES};
 use embedded_hal_async::delay::DelayNs;
 use embedded_io_async::{Read, Write};
 use firmware::map::BusKind;
 use servo_wire::bus::BusError;
-
-/// How often is asked for the same: an answer may be lost.
-pub(super) const TRIES: usize = 5;
 
 /// What a servo is set to.
 #[derive(Clone, Debug, PartialEq)]

@@ -48,9 +48,6 @@ pub struct Args {
 /// Time that a servo gets to come to where it was sent, after it was told so.
 const SETTLE: Duration = Duration::from_millis(500);
 
-/// How often a servo is read that does not answer.
-const TRIES: usize = 5;
-
 /// A joint that can be moved.
 struct Jogged<'p> {
     name: &'p str,
@@ -252,7 +249,7 @@ fn read(bus: &mut SerialBus, joint: &Joint) -> Result<Reading, BusError> {
         return Err(BusError::Unsupported);
     }
     let mut found = Err(BusError::NoReply);
-    for _ in 0..TRIES {
+    for _ in 0..ports::TRIES {
         found = ports::block_on(bus.look(joint.id));
         if found.is_ok() {
             break;

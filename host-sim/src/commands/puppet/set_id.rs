@@ -41,9 +41,6 @@ pub struct Args {
 /// How often is asked whether a servo is alone: two may talk at once in a way that looks like one.
 const LOOKS: usize = 5;
 
-/// How often a servo is looked for under its new id.
-const TRIES: usize = 3;
-
 pub fn run(args: Args) -> Result<ExitCode> {
     let Args { from, to, .. } = args;
     if from == to {
@@ -99,7 +96,7 @@ pub fn run(args: Args) -> Result<ExitCode> {
 /// Who a servo is; an answer may be lost.
 fn identity(bus: &mut SerialBus, id: u8) -> Result<Identity, BusError> {
     let mut found = Err(BusError::NoReply);
-    for _ in 0..TRIES {
+    for _ in 0..ports::TRIES {
         found = ports::block_on(bus.identify(id));
         if found.is_ok() {
             break;
