@@ -286,7 +286,7 @@ fn a_clip_in_blocks_is_profiled_too() {
     if !require_target("thumbv7em-none-eabi") {
         return;
     }
-    let vector = workspace().join("tests/vectors/v1/dpcm-many-channels.mclip");
+    let vector = workspace().join("tests/vectors/v1/dpcm-edges.mclip");
     let vector = vector.to_str().unwrap();
     let output = profile(&[vector, "--core", "cortex-m4", "--json"]);
     let core = core(&output);
