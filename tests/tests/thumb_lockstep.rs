@@ -235,14 +235,17 @@ fn the_board_sends_the_same_bytes_as_in_qemu() {
         return;
     }
     let clip = vectors::with_trials().into_iter().find(|vector| vector.name == "sample").unwrap();
-    let puppet = Puppet::read(&workspace().join("puppets/sample.toml")).unwrap();
+    let path = workspace().join("puppets/sample.toml");
+    // Its servos stand still here, which is a fault where following errors are looked at.
+    let text = fs::read_to_string(&path).unwrap().replacen("servo_hz", "following_error = 0\nservo_hz", 1);
+    let puppet = Puppet::parse(&path, text).unwrap();
     let map = puppet.map(&mocap::sample::clip().skeleton).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("board");
     let elf = board::QEMU_MPS2.build(&clip.bytes, &map, 0).unwrap();
     fs::write(&path, &elf).unwrap();
 
-    // Servos that answer alike, whatever the time: it stands still for them.
+    // Servos that answer alike: their time stands still.
     let servos = || {
         let ids: Vec<u8> = map.joints().iter().map(|joint| joint.id).collect();
         DynamixelServos::new(&DynamixelConfig::with_ids(&ids)).unwrap()
