@@ -12,7 +12,7 @@ use std::path::Path;
 /// # Errors
 /// A sentence that names the file.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+    mocap::import::read_bytes(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
 /// Writes a file by way of a temporary one in the same folder, which takes its name once it is whole. Where

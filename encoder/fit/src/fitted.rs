@@ -435,7 +435,8 @@ fn as_clip(plan: &Plan, fps: f64, ways: &[Way]) -> Clip {
     let frames = ways.first().map_or(0, |way| way.values.len());
     let samples = (0..frames).flat_map(|frame| ways.iter().map(move |way| way.values[frame])).collect();
     Clip {
-        skeleton: Skeleton { joints, channels, origin: Origin::Bvh { cm_per_unit: 1.0 } },
+        // Whole turns were chosen, and are chosen no more.
+        skeleton: Skeleton { joints, channels, origin: Origin::Table },
         motion: Motion { fps, channels: plan.joints.len(), samples },
     }
 }

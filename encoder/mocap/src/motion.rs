@@ -1,7 +1,7 @@
 //! A motion: frames of channel values at a fixed rate.
 
 use crate::angles;
-use crate::skeleton::Skeleton;
+use crate::skeleton::{Origin, Skeleton};
 
 /// Frames of channel values, in the order of [`Skeleton::channels`](crate::skeleton::Skeleton), at a fixed rate.
 ///
@@ -48,11 +48,15 @@ impl Motion {
     }
 
     /// Makes rotations continuous: adds multiples of 360 degrees such that successive samples of a rotation
-    /// channel differ by at most 180. The first frame stays as it is, and so do translations.
+    /// channel differ by at most 180. The first frame stays as it is, and so do translations. The columns of a
+    /// [table](Origin::Table) stay too: they are what joints are told, and a whole turn is another place there.
     ///
     /// # Panics
     /// If the skeleton has another number of channels than the motion.
     pub fn unwrap_angles(&mut self, skeleton: &Skeleton) {
+        if skeleton.origin == Origin::Table {
+            return;
+        }
         for channel in self.rotations(skeleton) {
             let mut turns = 0.0;
             let mut previous = self.samples.get(channel).copied().unwrap_or(0.0);
@@ -103,6 +107,15 @@ impl Motion {
 #[cfg(test)]
 mod tests {
     use crate::sample;
+
+    #[test]
+    fn columns_of_a_table_are_as_they_were() {
+        let text = b"time,a,b.rx\n0,170,-170\n0.1,-170,170\n";
+        let read = crate::import::csv::parse(text, "x.csv", &crate::import::Options::default()).unwrap();
+        let mut motion = read.clip.motion.clone();
+        motion.unwrap_angles(&read.clip.skeleton);
+        assert_eq!(motion.samples, [170.0, -170.0, -170.0, 170.0]);
+    }
 
     #[test]
     fn unwrapping_makes_rotations_continuous_and_wrapping_takes_it_back() {

@@ -8,7 +8,7 @@ use crate::place::{FILLER, Place};
 use crate::recover;
 use firmware::map::{BusKind, BusSpec, Joint, MAX_BUSES, OSCILLATORS};
 use heapless::Vec as HeaplessVec;
-use std::fs;
+use mocap::import::read_bytes;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -42,7 +42,7 @@ impl Puppet {
     /// # Errors
     /// A sentence that names the file, the line and the key.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let bytes = fs::read(path).map_err(|error| Error::new(path, None, Problem::Read(error)))?;
+        let bytes = read_bytes(path).map_err(|error| Error::new(path, None, Problem::Read(error)))?;
         let not_text = |byte| Error::new(path, None, Problem::NotText { byte });
         let text = String::from_utf8(bytes).map_err(|error| not_text(error.utf8_error().valid_up_to()))?;
         Self::parse(path, text)
@@ -65,7 +65,7 @@ impl Puppet {
     /// As [`read`](Self::read), with all that is wrong with the keys and not only the first of it; the puppet is then what there is of
     /// it, to tell by [`check`](Self::check) what else is wrong.
     pub fn read_all(path: &Path) -> (Option<Self>, Vec<Error>) {
-        let text = match fs::read(path).map(String::from_utf8) {
+        let text = match read_bytes(path).map(String::from_utf8) {
             Ok(Ok(text)) => text,
             // It says which.
             _ => return (None, Self::read(path).err().into_iter().collect()),
@@ -256,6 +256,7 @@ impl Puppet {
 mod tests {
     use super::*;
     use crate::channels::Unit;
+    use std::fs;
 
     fn puppet(channels: &[&str]) -> Puppet {
         let mut text = "servo_hz = 50\nbaud = 1_000_000\n".to_owned();

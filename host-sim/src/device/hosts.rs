@@ -74,8 +74,9 @@ struct Host {
     connection: Connection,
     session: Session,
     input: Vec<u8>,
-    /// When it came, and when it took something last, in ms.
+    /// When it came, when it had a session last (or came), and when it took something last, in ms.
     came: u32,
+    open: u32,
     read: u32,
     /// Whether it has a place; who has none only stops the puppet.
     seated: bool,
@@ -129,6 +130,7 @@ impl Hosts {
             session,
             input: Vec::new(),
             came: now,
+            open: now,
             read: now,
             seated: false,
             #[cfg(test)]
@@ -164,7 +166,7 @@ impl Hosts {
             // As on a serial line, where one host goes and another comes.
             if let Some(host) = self.hosts.iter_mut().find(|host| matches!(host.connection, Connection::Gone))
             {
-                (host.connection, host.came, host.read) = (connection, now, now);
+                (host.connection, host.came, host.open, host.read) = (connection, now, now, now);
                 continue;
             }
             let waiting = self.hosts.iter().filter(|host| !host.seated).count();
@@ -208,7 +210,9 @@ impl Host {
         let silent = since(self.came).min(self.session.silent(now)).min(since(self.read));
         match (self.seated, self.session.is_open()) {
             (true, true) => silent > self.session.idle_millis(),
-            _ => since(self.came) > HELLO_MILLIS,
+            // Who begins another session has as long to prove the key as who came.
+            (true, false) => since(self.open) > HELLO_MILLIS,
+            (false, _) => since(self.came) > HELLO_MILLIS,
         }
     }
 
@@ -221,6 +225,9 @@ impl Host {
     /// Reads until nothing is there, a request was answered, or a tick has no time for more: noise does not stand in the way of what
     /// comes behind it.
     fn serve(&mut self, listener: &mut Listener, now: u32, serve: &mut impl FnMut(&mut Session, &mut &[u8])) {
+        if self.session.is_open() {
+            self.open = now;
+        }
         let before = self.session.outgoing().len();
         let mut ended = false;
         for _ in 0..READS {

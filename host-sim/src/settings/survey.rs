@@ -139,7 +139,9 @@ pub async fn check_before_arming<S: Read + Write, T: DelayNs>(
 fn mends(puppet: &Path, on: &str) -> String {
     let puppet = puppet.display().to_string();
     let quoted = if puppet.contains(' ') { format!("\"{puppet}\"") } else { puppet };
-    format!("`bunraku puppet check {quoted} --on {on}` lists all settings, and with --fix sets them right")
+    format!(
+        "`bunraku puppet check {quoted} --on {on}` lists what is set otherwise, and with --fix sets right what can be set"
+    )
 }
 
 /// A sentence for each register, with the servos that it is wrong of.

@@ -1,6 +1,5 @@
 //! Import of motion capture: ASF/AMC (Acclaim), BVH (Biovision), tables (CSV), glTF, and moves as JSON.
 
-use std::fs;
 use std::path::Path;
 
 use crate::clip::Clip;
@@ -12,6 +11,7 @@ mod bones;
 pub mod bvh;
 pub mod csv;
 mod error;
+mod file;
 pub mod glb;
 mod imported;
 pub mod json;
@@ -26,6 +26,7 @@ pub mod unit;
 mod values;
 
 pub use error::ImportError;
+pub use file::{MOST_BYTES, read_bytes};
 pub use imported::Imported;
 pub use options::Options;
 pub use unit::Unit;
@@ -53,7 +54,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Imported, ImportError> {
     {
         return Err(ImportError::Rate { file, fps });
     }
-    let bytes = read_bytes(path)?;
+    let bytes = bytes_of(path)?;
     match kind(path, &bytes) {
         Some(Kind::Bvh) => read_bvh(&bytes, &file, options),
         Some(Kind::Csv) => csv::parse(&bytes, &file, options),
@@ -111,7 +112,7 @@ pub fn load_skeleton(path: &Path) -> Result<Skeleton, ImportError> {
 /// Those of [`load_skeleton`].
 pub fn read_skeleton(path: &Path, unit: Option<Unit>) -> Result<Skeleton, ImportError> {
     let file = path.display().to_string();
-    let bytes = read_bytes(path)?;
+    let bytes = bytes_of(path)?;
     match kind(path, &bytes) {
         Some(Kind::Bvh) => {
             let options = Options { unit, ..Options::default() };
@@ -122,8 +123,8 @@ pub fn read_skeleton(path: &Path, unit: Option<Unit>) -> Result<Skeleton, Import
     }
 }
 
-fn read_bytes(path: &Path) -> Result<Vec<u8>, ImportError> {
-    fs::read(path).map_err(|error| ImportError::Read { file: path.display().to_string(), error })
+fn bytes_of(path: &Path) -> Result<Vec<u8>, ImportError> {
+    read_bytes(path).map_err(|error| ImportError::Read { file: path.display().to_string(), error })
 }
 
 enum Kind {

@@ -1,12 +1,12 @@
 //! The bytes of a glTF file: its JSON, its buffers, and the numbers of its accessors.
 
-use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
 use super::document::{Buffer, Document, Wrong};
+use crate::import::file::read_bytes;
 
 /// The JSON, and the binary chunk of a GLB; of a `.gltf`, the file itself.
 pub(super) fn chunks(bytes: &[u8]) -> Option<(&[u8], Option<&[u8]>)> {
@@ -69,7 +69,7 @@ fn of_uri(uri: &str, index: usize, folder: Option<&Path>) -> Result<Vec<u8>, Wro
     if !path.is_file() {
         return Err((format!("no file {} for buffer {index}", path.display()), "it beside this one"));
     }
-    fs::read(&path).map_err(|error| (format!("{}, which cannot be read ({error})", path.display()), beside))
+    read_bytes(&path).map_err(|error| (format!("{}, which cannot be read ({error})", path.display()), beside))
 }
 
 /// A relative path, in which `%20` is a space.
@@ -136,6 +136,7 @@ pub(super) fn numbers(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[test]
     fn names_of_files_beside() {

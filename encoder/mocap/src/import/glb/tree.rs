@@ -18,6 +18,20 @@ pub(super) fn parents(nodes: &[Node]) -> Result<Vec<Option<usize>>, Wrong> {
             }
         }
     }
+    // Who has as many nodes above it as there are has itself among them. Each node is walked over once.
+    let mut reaches_a_root = vec![false; nodes.len()];
+    for first in 0..nodes.len() {
+        let mut way = Vec::new();
+        let mut next = Some(first);
+        while let Some(node) = next.filter(|&node| !reaches_a_root[node]) {
+            if way.len() == nodes.len() {
+                return Err((format!("node {first} below itself"), "nodes that form trees"));
+            }
+            way.push(node);
+            next = parents[node];
+        }
+        way.into_iter().for_each(|node| reaches_a_root[node] = true);
+    }
     Ok(parents)
 }
 
@@ -53,7 +67,6 @@ impl Tree {
         notes: &mut Vec<String>,
     ) -> Self {
         let moves = |node: usize| tracks[node].rotation.is_some() || tracks[node].translation.is_some();
-        // At most as many steps up as there are nodes, since a circle would have no end.
         let root_of = |node: usize| (0..nodes.len()).fold(node, |node, _| parents[node].unwrap_or(node));
         let root = root_of(first);
         let mut leads = vec![false; nodes.len()];
@@ -76,13 +89,9 @@ impl Tree {
             found.push(place);
             let below = |&child: &usize| Place { node: child, parent: Some(joint), scale, above };
             pending.extend(nodes[node].children.iter().rev().map(below));
-            // A circle of nodes would come back to its start.
-            if found.len() > nodes.len() {
-                break;
-            }
         }
         let inside = found.iter().filter(|place| moves(place.node)).count();
-        let others = (0..nodes.len()).filter(|&node| moves(node)).count() - inside.min(nodes.len());
+        let others = (0..nodes.len()).filter(|&node| moves(node)).count() - inside;
         if others > 0 {
             notes.push(format!("{others} moving nodes are in other trees, and are left out"));
         }
@@ -173,6 +182,25 @@ impl Source {
         if let Some(keys) = &track.rotation {
             let turn = quaternion::to_matrix(keys.at(time, quaternion::slerp));
             out.extend(angles::euler_zyx(&angles::multiply(&self.from_rest, &turn)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_form_trees_or_are_refused() {
+        let of = |text: &str| parents(&serde_json::from_str::<Vec<Node>>(text).unwrap());
+        assert_eq!(of(r#"[{"children": [1, 2]}, {}, {}]"#).unwrap(), [None, Some(0), Some(0)]);
+        for (text, expected) in [
+            (r#"[{"children": [0]}]"#, "node 0 below node 0"),
+            (r#"[{"children": [1]}, {"children": [0]}]"#, "node 0 below itself"),
+            (r#"[{}, {"children": [2]}, {"children": [1, 3]}, {}]"#, "node 1 below itself"),
+            (r#"[{"children": [2]}, {"children": [2]}, {}]"#, "node 2 below node 1"),
+        ] {
+            assert_eq!(of(text).unwrap_err().0, expected, "{text}");
         }
     }
 }
