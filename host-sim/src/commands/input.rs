@@ -86,6 +86,17 @@ impl Recording {
         match self.fps {
             Some(fps) if !has_rate => clip.motion.fps = fps,
             Some(fps) if fps != own => {
+                let values = clip.motion.samples.len() as f64 * (fps / own).max(1.0);
+                if values > MOST_VALUES {
+                    bail!(
+                        "{}: at {} frames a second these {} frames of {} a second become {values:.1e} values, expected at \
+                         most {MOST_VALUES:.0e}: give a lower --fps",
+                        path.display(),
+                        short(fps),
+                        clip.motion.frames(),
+                        short(own)
+                    );
+                }
                 clip.motion = mocap::resample(&clip.skeleton, &clip.motion, fps);
                 notes.push(format!("resampled from {} to {} frames a second", short(own), short(fps)));
             }
@@ -176,6 +187,9 @@ impl Source {
         Ok((Clip { skeleton: reference.skeleton.clone(), motion }, bytes.len() as u64))
     }
 }
+
+/// Values that a recording may have after it was resampled: an hour of two hundred channels at 120 frames a second.
+const MOST_VALUES: f64 = 1e8;
 
 /// The columns of a table that no joint follows, as a sentence.
 fn unfollowed(plan: &Plan, clip: &Clip) -> Option<String> {
