@@ -319,7 +319,7 @@ fn a_servo_that_is_set_wrong_is_not_armed_until_it_is_set_right() {
     let (code, _, error) = given.play(&servos.port);
     assert!(code == Some(1) && error.contains("nothing was armed"), "{error}");
     let lines = error.lines().filter(|line| line.contains("servo 1 (\"bend\")")).count();
-    assert!(lines == 3 && error.contains("with --fix sets them right"), "{error}");
+    assert!(lines == 3 && error.contains("with --fix sets right what can be set"), "{error}");
     let (code, json, error) = given.check(&servos.port, &["--json"]);
     let report: Value = serde_json::from_str(&json).unwrap();
     assert_eq!((code, &report["servos"]["servos"][0]["joint"]), (Some(1), &"bend".into()), "{error}");
