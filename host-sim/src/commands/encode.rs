@@ -187,7 +187,9 @@ fn only_in_blocks(args: &Args) -> impl Iterator<Item = &'static str> {
 
 /// Ends the command with what was wrong about its arguments.
 fn usage(message: &str) -> ! {
-    clap::Command::new("bunraku encode").error(clap::error::ErrorKind::ValueValidation, message).exit()
+    <Args as clap::Args>::augment_args(clap::Command::new("bunraku encode"))
+        .error(clap::error::ErrorKind::ValueValidation, message)
+        .exit()
 }
 
 /// The clip, and its codec.

@@ -378,7 +378,9 @@ fn title(what: &str, motions: &[Named]) -> String {
 
 /// Ends the command with what was wrong about its arguments.
 fn usage(message: &str) -> ! {
-    clap::Command::new("bunraku rd").error(clap::error::ErrorKind::ArgumentConflict, message).exit()
+    <Args as clap::Args>::augment_args(clap::Command::new("bunraku rd"))
+        .error(clap::error::ErrorKind::ArgumentConflict, message)
+        .exit()
 }
 
 /// A motion as it is to be encoded.
