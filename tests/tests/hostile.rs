@@ -285,9 +285,7 @@ fn no_file_is_too_much_for_a_command() {
         }
     });
     let counts = counts.into_inner().unwrap();
-    let mut inputs: Vec<&str> = counts.iter().map(|(input, _)| *input).collect();
-    inputs.dedup();
-    let inputs: BTreeSet<&str> = inputs.into_iter().collect();
+    let inputs: BTreeSet<&str> = counts.iter().map(|(input, _)| *input).collect();
     for input in inputs {
         let of_it = || counts.iter().filter(|(name, _)| *name == input).map(|(_, counts)| counts);
         let sum = |part: fn(&Counts) -> usize| of_it().map(part).sum::<usize>();

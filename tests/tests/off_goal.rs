@@ -234,6 +234,7 @@ fn servos_that_share_no_code_with_ours_are_told_of_as_well() {
     let made =
         bunraku().arg("encode").arg(at("swing.bvh")).arg("-o").arg(at("swing.mclip")).output().unwrap();
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let mut judged = 0;
     for (case, fake, puppet, expected) in [
         ("ok", "fakedxl", "one", ""),
         ("stuck", "fakedxl", "one", "servo 1 (spine bend) does not follow"),
@@ -264,7 +265,10 @@ fn servos_that_share_no_code_with_ours_are_told_of_as_well() {
             servos.wait().unwrap();
             let said = String::from_utf8(output.stderr).unwrap();
             let busy = ["ticks come too late", "does not answer", "no servo can be reached"];
-            (!busy.iter().any(|busy| said.contains(busy))).then_some((output.status.success(), said))
+            // What is expected counts on any machine.
+            let as_expected = !expected.is_empty() && said.contains(expected);
+            let is_busy = !as_expected && busy.iter().any(|busy| said.contains(busy));
+            (!is_busy).then_some((output.status.success(), said))
         });
         let Some((success, said)) = said else {
             eprintln!("this machine is too busy for servos in real time: {case}");
@@ -272,5 +276,7 @@ fn servos_that_share_no_code_with_ours_are_told_of_as_well() {
         };
         assert_eq!(success, expected.is_empty(), "{case}: {said}");
         assert!(said.contains(expected), "{case}: {said}");
+        judged += 1;
     }
+    assert!(judged > 0, "this machine was too busy for each of the cases");
 }
